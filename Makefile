@@ -1,0 +1,80 @@
+# Two commands do all the set-up: 'make reproduce' and 'make test'.  'make help' lists the rest.
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+PROFILE ?= quick
+PORT ?= 8000
+
+# The same bytes from every run: a fixed build date, hash seed and number of BLAS threads.
+export SOURCE_DATE_EPOCH := 1767225600
+export PYTHONHASHSEED := 0
+export OPENBLAS_NUM_THREADS := 1
+# Waiting OpenMP threads sleep instead of spinning: several times faster beside any other busy process.
+export OMP_WAIT_POLICY := PASSIVE
+# Chapters run in this environment's kernel, whatever kernels the user has installed.
+export JUPYTER_PREFER_ENV_PATH := 1
+unexport JUPYTER_PATH PYTHONPATH
+
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.PHONY: help env reproduce test lint book serve lab train bench clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000"
+
+env: $(STAMP)  ## make .venv from environment.txt
+
+$(STAMP): environment.txt pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
+	  echo "lmmap needs Python 3.11, 3.12 or 3.13, and '$(PYTHON)' is $$($(PYTHON) --version 2>&1 || true)."; \
+	  echo "Name another one: make $(or $(MAKECMDGOALS),env) PYTHON=python3.12"; exit 1; }
+	@echo "env: making .venv with $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv .venv || { echo "env: '$(PYTHON) -m venv' failed; on Debian, install python3-venv."; exit 1; }
+	@total=$$(grep -c '==' environment.txt); echo "env: installing $$total packages, a few minutes"; \
+	$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -r environment.txt | \
+	  awk -v total="$$total" '/^Collecting/ && ++n % 25 == 0 {print "env:   found " n " of " total; fflush()} \
+	    /^Installing/ {print "env:   installing"; fflush()}'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m pip check --disable-pip-version-check
+	@touch $@
+	@echo "env: ready"
+
+reproduce: env  ## simulate, estimate, make all tables and figures, build the book
+	@echo "reproduce: results, profile $(PROFILE)"
+	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
+	@$(MAKE) --no-print-directory book
+	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
+
+test: env  ## run the tests
+	@$(BIN)/python -m pytest -q
+
+lint: env  ## ruff, formatting, and the floors (imports run downward only)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
+
+book: env  ## build the book from the results there are; warnings are errors
+	@echo "book: building; chapters run only when they, the module or the data changed"
+	@$(BIN)/jupyter-book build . -W --keep-going --quiet
+	@echo "book: _build/html/index.html"
+
+serve: book  ## show the book on http://localhost:8000
+	@echo "serve: http://localhost:$(PORT) (Ctrl-C ends it)"
+	@$(BIN)/python -m http.server $(PORT) --bind 127.0.0.1 --directory _build/html
+
+lab: env  ## open the chapters as notebooks in JupyterLab
+	@$(BIN)/jupyter lab book
+
+train: env  ## train all filters anew (an interrupted run goes on)
+	@$(BIN)/python -m lmmap train
+
+bench: env  ## run the benchmarks against their peers
+	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
+
+clean:  ## remove the book, derived data and caches; .venv stays
+	rm -rf _build data/derived .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find lmmap tests book benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

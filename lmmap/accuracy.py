@@ -1,0 +1,148 @@
+"""The paper's accuracy study: errors and detection rates of one recording, and of the bench's test."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from . import sequences
+from .core import Estimate, Port, Pose, Recording
+from .geometry import in_view
+from .metrics import normal_error_rad, position_error_m, rotation_error_rad
+from .pipeline import Estimator, estimate, true_poses
+from .recordings import write_npz
+from .results import DATA, DERIVED, fingerprint, save_json, save_table
+from .tracking import outlier_filter
+from .trajectories import write_estimates
+
+PROFILES = {"quick": {"test": 8.0, "hard": 4.0, "empty": 4.0}, "paper": {"test": 210.0, "hard": 40.0, "empty": 250.0}}
+LIGHTS, MODALITIES = ("low", "medium", "high"), ("rgb", "event")
+SEQUENCES = ("test-low", "test-medium", "test-high", "hard-slow", "hard-reflect", "empty-0")
+
+
+def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
+    """One row per estimate: status, in view or not, and the errors of our pose and of the paper's
+    formula on the same ellipse (NaN where there is no pose)."""
+    known, truth = true_poses(recording, estimates)
+    table = pd.DataFrame({"t_us": [e.t_us for e in known], "status": [str(e.status) for e in known]})
+    table["in_view"] = in_view(truth, port, recording.camera)
+    table["kept"] = outlier_filter(known, port.yaw_period_rad)
+    for name, poses in (("", [e.T_cam_port for e in known]), ("paper_", [e.paper for e in known])):
+        found = np.array([p is not None for p in poses], bool)
+        columns = (f"{name}position_error_m", f"{name}normal_error_deg", f"{name}rotation_error_deg")
+        table[list(columns)] = np.nan
+        if found.any():
+            ours = _stack([p for p in poses if p is not None])
+            table.loc[found, columns[0]] = position_error_m(ours, truth[found])
+            table.loc[found, columns[1]] = np.rad2deg(normal_error_rad(ours, truth[found]))
+            angle = rotation_error_rad(ours, truth[found], port.yaw_period_rad)
+            table.loc[found, columns[2]] = np.rad2deg(angle)
+    return table
+
+
+def _stack(poses: list[Pose]) -> Pose:
+    return Pose(np.stack([p.rotation for p in poses]), np.stack([p.position_m for p in poses]))
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Median and RMSE of each error, exact and printed formula, with and without outlier filter."""
+    rows = []
+    for kept in ("without", "with"):
+        some = table[table.kept] if kept == "with" else table
+        for metric in ("position_error_m", "normal_error_deg", "rotation_error_deg"):
+            for formula, name in (("exact", metric), ("paper", f"paper_{metric}")):
+                values = some[name].dropna()
+                rows.append((kept, metric, formula, "median", values.median()))
+                rows.append((kept, metric, formula, "rmse", np.sqrt((values**2).mean())))
+        found = some.position_error_m.notna()
+        rows.append((kept, "detection_rate_percent", "exact", "all", _percent(found.sum(), len(table))))
+        seen = (found & some.in_view).sum()
+        rows.append((kept, "detection_rate_percent", "exact", "in_fov", _percent(seen, table.in_view.sum())))
+    return pd.DataFrame(rows, columns=["outlier_filter", "metric", "formula", "statistic", "value"])
+
+
+def report(table: pd.DataFrame) -> dict:
+    """The numbers that `lmmap evaluate` prints, without outlier filter."""
+    found, seen = table.position_error_m.notna(), table.in_view
+    return {
+        "images": len(table),
+        "images_with_ring_in_view": int(seen.sum()),
+        "detected_of_all_percent": _percent(found.sum(), len(table)),
+        "detected_of_in_view_percent": _percent((found & seen).sum(), seen.sum()),
+        "position_error_median_mm": 1e3 * table.position_error_m.median(),
+        "normal_error_median_deg": table.normal_error_deg.median(),
+        "rotation_error_median_deg": table.rotation_error_deg.median(),
+        "paper_formula_position_median_mm": 1e3 * table.paper_position_error_m.median(),
+        "paper_formula_normal_median_deg": table.paper_normal_error_deg.median(),
+        "paper_formula_rotation_median_deg": table.paper_rotation_error_deg.median(),
+    }
+
+
+def _percent(part, whole) -> float:
+    return 100 * part / whole if whole else np.nan
+
+
+def saturation(recording: Recording, port: Port) -> dict:
+    """Share of the port's region of interest that is black (< 10) or white (> 245), mean over frames."""
+    low, high = [], []
+    for frame, pose in zip(recording.frames, recording.truth.at(recording.frames_t_us), strict=True):
+        region = sequences.label_masks(pose, port, recording.camera).any(0)
+        if region.any():
+            rows, columns = np.nonzero(region)
+            box = frame[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1].max(-1)
+            low.append((box < 10).mean())
+            high.append((box > 245).mean())
+    return {"low": 100 * float(np.mean(low)), "high": 100 * float(np.mean(high))}
+
+
+def reproduce(profile: str, report=print) -> None:
+    """Simulate the test, hard and empty sequences, estimate both modalities, keep errors and tables.
+
+    Every sequence is kept as soon as it is done, under a fingerprint of code, weights and profile, so
+    that an interrupted run goes on and a second run has nothing to do.
+    """
+    folder, mark = DERIVED / profile, fingerprint(profile)
+    for name in SEQUENCES:
+        done = folder / f"{name}.done"
+        if done.exists() and done.read_text() == mark:
+            report(f"{name}: up to date")
+            continue
+        seconds = PROFILES[profile][name.split("-")[0]]
+        report(f"{name}: simulating {seconds:.0f} s")
+        recording = sequences.simulate(name, seconds)
+        write_npz(recording, folder / f"{name}.npz")
+        _estimate_sequence(recording, folder, profile, report)
+        done.write_text(mark)
+    tables = [pd.read_csv(folder / f"summary-test-{light}-{m}.csv").assign(light=light, modality=m)
+              for light in LIGHTS for m in MODALITIES]  # fmt: skip
+    save_table(folder / "summary.csv", pd.concat(tables), profile=profile)
+
+
+def _estimate_sequence(recording, folder, profile, report) -> None:
+    port = Port.lm_map()
+    for modality in MODALITIES:
+        estimator = Estimator(recording.camera, port, modality)
+        found = list(estimate(recording, estimator, estimator.settings.rate_hz))
+        write_estimates(found, folder / f"estimates-{recording.name}-{modality}.csv")
+        detections = sum(e.T_cam_port is not None for e in found)
+        report(f"{recording.name}: {modality}, {detections} poses in {len(found)} images")
+        facts = {"images": len(found), "poses": detections,
+                 "ellipses": sum(e.ellipse is not None for e in found)}  # fmt: skip
+        save_json(folder / f"counts-{recording.name}-{modality}.json", facts, profile=profile)
+        if recording.truth is not None:
+            table = errors(recording, found, port)
+            save_table(folder / f"errors-{recording.name}-{modality}.csv", table, profile=profile)
+            save_table(folder / f"summary-{recording.name}-{modality}.csv", summary(table), profile=profile)
+    if recording.truth is not None:
+        save_json(folder / f"saturation-{recording.name}.json", saturation(recording, port), profile=profile)
+
+
+def compare(profile: str = "quick") -> pd.DataFrame:
+    """Paper's Table I beside ours, cell by cell, for the low-domain-gap weights."""
+    ours = pd.read_csv(DERIVED / profile / "summary.csv")
+    paper = pd.read_csv(DATA / "paper" / "table1.csv").query("training == 'low-domain-gap'")
+    keys = ["outlier_filter", "metric", "statistic", "light", "modality"]
+    wide = ours.pivot_table(index=keys, columns="formula", values="value", dropna=False).reset_index()
+    both = paper.merge(wide, on=keys, suffixes=("_paper", ""))
+    return both.rename(columns={"value": "published", "exact": "ours", "paper": "ours_printed_formula"})
+

@@ -1,0 +1,184 @@
+"""The ``lmmap`` command.  Exit codes: 0 done, 1 bad input (one line on stderr), 2 usage, 130 interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from pathlib import Path
+
+from tqdm import tqdm
+
+from . import accuracy, pipeline, sequences
+from .core import PAPER, Camera, InputError, Port, Recording
+from .filters import CHANNELS, FILTERS
+from .recordings import health, open_recording, write_aedat4, write_npz
+from .results import DERIVED
+from .trajectories import trajectory_of, write_estimates, write_trajectory
+
+EXAMPLES = """examples:
+  lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
+  lmmap info demo.aedat4
+  lmmap estimate demo.aedat4 --modality event -o poses.csv
+  lmmap evaluate demo.aedat4
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    arguments = _parser().parse_args(argv)
+    warnings.showwarning = lambda message, *_: print(f"lmmap: note: {message}", file=sys.stderr)
+    try:
+        arguments.run(arguments)
+    except InputError as error:
+        print(f"lmmap: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("lmmap: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "lmmap", description="Pose of the LM-MAP docking port from an RGB or event camera.",
+        epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name, run, text):
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=run)
+        return sub
+
+    sub = command("simulate", simulate, "record a sequence of the bench, with its ground truth beside it")
+    sub.add_argument("--sequence", required=True, help="augmented-N, realistic-N, test-low|medium|high, hard-slow...")
+    sub.add_argument("--seconds", type=float, help="length (default: the sequence's own)")
+    sub.add_argument("-o", "--output", type=Path, required=True, help="FILE.aedat4 or FILE.npz")
+
+    sub = command("estimate", estimate, "estimate the port's pose in each frame or histogram of a recording")
+    _recording(sub)
+    sub.add_argument("--modality", choices=("rgb", "event"), required=True)
+    sub.add_argument("-o", "--output", type=Path, required=True, help="poses to write")
+    sub.add_argument("--format", choices=("csv", "tum"), default="csv")
+    sub.add_argument("--rate", type=float, help="estimates per second (default: every frame, every N events)")
+
+    sub = command("evaluate", evaluate, "errors and detection rates on a recording whose truth is known")
+    _recording(sub)
+    sub.add_argument("--modality", choices=("rgb", "event"), help="default: both")
+    sub.add_argument("--json", action="store_true", help="print JSON")
+
+    sub = command("info", info, "what is in a recording, and its health")
+    sub.add_argument("recording", type=Path)
+    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or OpenCV/ROS YAML")
+    sub.add_argument("--json", action="store_true", help="print JSON")
+
+    sub = command("train", train, "train the filters on the bench; an interrupted run goes on")
+    sub.add_argument("--filter", choices=FILTERS, help="default: both")
+    sub.add_argument("--modality", choices=tuple(CHANNELS), help="default: both")
+    sub.add_argument("--domain-gap", choices=("low", "high"), default="low")
+    sub.add_argument("--seed", type=int, default=0)
+    sub.add_argument("--steps", type=int, default=2000)
+
+    sub = command("reproduce", reproduce, "regenerate every result of the book")
+    sub.add_argument("--profile", choices=tuple(accuracy.PROFILES), default="quick")
+    return parser
+
+
+def _recording(sub) -> None:
+    sub.add_argument("recording", type=Path)
+    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or OpenCV/ROS YAML")
+    sub.add_argument("--port", type=Path, help="another port's geometry (JSON)")
+
+
+def simulate(a) -> None:
+    writers = {".aedat4": write_aedat4, ".npz": write_npz}
+    if a.output.suffix not in writers:
+        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it .aedat4 or .npz")
+    if not a.output.parent.is_dir():
+        raise InputError(f"{a.output}: no folder {a.output.parent}; make it first")
+    seconds = sequences.sequence(a.sequence).seconds if a.seconds is None else a.seconds
+    with tqdm(total=seconds, unit="s", desc=a.sequence, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+        recording = sequences.simulate(a.sequence, seconds, lambda done: bar.update(done - bar.n))
+        bar.update(seconds - bar.n)
+    writers[a.output.suffix](recording, a.output)
+    print(f"{a.output}: {len(recording.events)} events, {len(recording.frames)} frames, {seconds:g} s")
+
+
+def _estimates(recording: Recording, modality: str, port: Port, rate_hz=None) -> list:
+    """All estimates, with a progress bar; those so far when interrupted."""
+    estimator = pipeline.Estimator(recording.camera, port, modality)
+    period = len(recording.frames) if modality == "rgb" else len(recording.events) // PAPER.events_per_window
+    total = None if rate_hz else period
+    found = []
+    try:
+        with tqdm(pipeline.estimate(recording, estimator, rate_hz), modality, total, unit="img") as bar:
+            for one in bar:
+                found.append(one)
+                bar.set_postfix(poses=sum(e.T_cam_port is not None for e in found), refresh=False)
+    except KeyboardInterrupt:
+        print("lmmap: interrupted; keeping what was estimated", file=sys.stderr)
+    return found
+
+
+def _open(a) -> tuple[Recording, Port]:
+    camera = Camera.load(a.camera) if a.camera else None
+    return open_recording(a.recording, camera), Port.load(a.port) if a.port else Port.lm_map()
+
+
+def estimate(a) -> None:
+    recording, port = _open(a)
+    if a.rate is not None and not 0 < a.rate < 1e4:
+        raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
+    found = _estimates(recording, a.modality, port, a.rate)
+    if a.format == "csv":
+        write_estimates(found, a.output)
+    else:
+        write_trajectory(trajectory_of(found), a.output, "tum")
+    counts = {}
+    for one in found:
+        counts[str(one.status)] = counts.get(str(one.status), 0) + 1
+    print(f"{a.output}: {len(found)} images; " + ", ".join(f"{v} {k}" for k, v in sorted(counts.items())))
+
+
+def evaluate(a) -> None:
+    recording, port = _open(a)
+    if recording.truth is None:
+        raise InputError(f"{a.recording}: no ground truth beside it; put it in {a.recording.stem}.truth.csv")
+    report = {}
+    for modality in [a.modality] if a.modality else ["rgb", "event"]:
+        table = accuracy.errors(recording, _estimates(recording, modality, port), port)
+        if not len(table):
+            raise InputError(f"{a.recording}: holds no {modality} data that its truth covers")
+        report[modality] = accuracy.report(table)
+    if a.json:
+        print(json.dumps(report, indent=1))
+        return
+    names = list(next(iter(report.values())))
+    print(f"{'':34}" + "".join(f"{m:>10}" for m in report))
+    for name in names:
+        print(f"{name.replace('_', ' '):34}" + "".join(f"{report[m][name]:10.2f}" for m in report))
+
+
+def info(a) -> None:
+    facts = health(open_recording(a.recording, Camera.load(a.camera) if a.camera else None))
+    if a.json:
+        print(json.dumps(facts, indent=1))
+        return
+    for name, value in facts.items():
+        print(f"{name.replace('_', ' '):18} {value:.6g}" if isinstance(value, float) else
+              f"{name.replace('_', ' '):18} {value}")
+
+
+def train(a) -> None:
+    from . import training  # torch's optimisers take a second to import, and only this command needs them
+
+    for name in [a.filter] if a.filter else FILTERS:
+        for modality in [a.modality] if a.modality else CHANNELS:
+            recipe = training.Recipe(name, modality, a.domain_gap, a.seed, a.steps)
+            print(f"{training.train(recipe, DERIVED / 'training')}: written")
+
+
+def reproduce(a) -> None:
+    accuracy.reproduce(a.profile, lambda line: print(line, flush=True))

@@ -1,0 +1,134 @@
+"""The CNN filters: a frame or histogram in, a mask of the ring or of the markers out.
+
+One architecture for all four (ring | reflectors, RGB | event), the paper's: three convolutions with
+ReLU and max-pooling, three transposed convolutions with ReLU between them, skip connections as in
+U-Net (Ronneberger et al. 2015), a sigmoid at the end, nothing fully connected.  Each output depends
+on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method satellite-agnostic.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+from torch.nn import functional as F
+
+from .core import InputError
+
+WIDTHS = (64, 128, 256)
+STRIDE_PX = 2 ** len(WIDTHS)
+RECEPTIVE_RADIUS_PX = 21
+BEFORE_PX, AFTER_PX = 8, 24  # a box's margin on the stride's grid, from its first and last strides
+CHANNELS = {"rgb": 3, "event": 1}
+FILTERS = ("ring", "reflector")
+WEIGHTS = Path(__file__).resolve().parent.parent / "data" / "weights"
+
+
+class FilterNet(nn.Module):
+    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, zero-padded to whole strides within."""
+
+    def __init__(self, channels: int, prior: float = 0.5):
+        super().__init__()
+        a, b, c = WIDTHS
+        self.down = nn.ModuleList([nn.Conv2d(i, o, 3, padding=1) for i, o in ((channels, a), (a, b), (b, c))])
+        up = dict(kernel_size=3, stride=2, padding=1, output_padding=1)
+        self.up = nn.ModuleList([nn.ConvTranspose2d(i, o, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))])
+        for layer in [*self.down, *self.up]:
+            nn.init.kaiming_normal_(layer.weight)
+            nn.init.zeros_(layer.bias)
+        # rare pixels: start at the prior, or cross-entropy spends its first epochs learning it
+        nn.init.constant_(self.up[-1].bias, float(np.log(prior / (1 - prior))))
+
+    def forward(self, x):
+        height, width = x.shape[-2:]
+        x = F.pad(x, (0, -width % STRIDE_PX, 0, -height % STRIDE_PX))
+        pooled = []
+        for convolution in self.down:
+            x = F.relu(F.max_pool2d(convolution(x), 2))  # ReLU after pooling: equal, and four times less
+            pooled.append(x)
+        x = torch.cat([F.relu(self.up[0](x)), pooled[1]], 1)
+        x = torch.cat([F.relu(self.up[1](x)), pooled[0]], 1)
+        return self.up[2](x)[..., :height, :width]
+
+
+def encode(images: np.ndarray, modality: str) -> torch.Tensor:
+    """Network input (N, C, H, W) f32 in [0, 1] of RGB frames (N, H, W, 3) or histograms (N, H, W).
+
+    Frames are linear in light: the square root spreads their dark half.  Counts saturate at 8.
+    """
+    x = torch.from_numpy(np.ascontiguousarray(images)).float()
+    if modality == "rgb":
+        return (x / 255).sqrt().movedim(-1, 1)
+    return (x.clamp(max=8) / 8).unsqueeze(1)
+
+
+class Filter:
+    """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``."""
+
+    def __init__(self, net: FilterNet, modality: str):
+        self.modality = modality
+        self._net = net.eval().to(memory_format=torch.channels_last)
+
+    @torch.inference_mode()
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        shape = (None, None, 3) if self.modality == "rgb" else (None, None)
+        if image.ndim != len(shape) or (shape[2:] and image.shape[2] != 3):
+            raise ValueError(f"Filter: a {self.modality} image has shape {shape}, got {image.shape}")
+        if not np.all(np.isfinite(image)):
+            raise ValueError("Filter: the image holds NaN or infinite values")
+        x = encode(image[None], self.modality).contiguous(memory_format=torch.channels_last)
+        return torch.sigmoid(self._net(x))[0, 0].numpy()
+
+
+def crop_bounds(low_px, high_px, size_px) -> tuple[slice, slice]:
+    """Rows and columns around a box, on the network's stride and padded by its receptive field, so
+    that the filter's output inside the box equals that on the full frame."""
+    size = np.asarray(size_px)
+    first = np.clip(np.floor(low_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
+    last = np.clip(np.ceil(high_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
+    start = np.maximum(first - BEFORE_PX, 0).astype(int)
+    stop = np.minimum(last + AFTER_PX, size).astype(int)
+    return slice(start[1], stop[1]), slice(start[0], stop[0])
+
+
+def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
+    """Where the weights of a filter ship."""
+    return WEIGHTS / f"{name}-{modality}-{domain_gap}.safetensors"
+
+
+def save_weights(net: FilterNet, path, card: dict) -> None:
+    """Half-precision safetensors, and the model card beside it with the file's hash."""
+    tensors = {k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()}
+    save_file(tensors, path)
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    Path(path).with_suffix(".json").write_text(json.dumps({**card, "sha256": digest}, indent=1) + "\n")
+
+
+def load_card(path) -> dict:
+    """The model card beside a weight file."""
+    return json.loads(Path(path).with_suffix(".json").read_text())
+
+
+def load_filter(path, modality: str) -> Filter:
+    """A filter from its weight file; `InputError` if it is absent, damaged or of another shape."""
+    path = Path(path)
+    net = FilterNet(CHANNELS[modality])
+    try:
+        with safe_open(path, "pt") as file:
+            tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
+        expected = load_card(path)["sha256"]
+        if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
+            raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
+        net.load_state_dict(tensors)
+    except (OSError, ValueError, KeyError, SafetensorError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: no readable weights ({reason}); restore it or run 'make train'") from None
+    except RuntimeError:
+        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet") from None
+    return Filter(net, modality)

@@ -1,0 +1,127 @@
+"""From a frame or a histogram to a pose: filter, skeleton, ellipse, two circles, yaw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from . import circle, ellipse, yaw
+from .core import PAPER, Camera, Ellipse, Estimate, Port, Pose, Recording, Settings, Status
+from .events import histogram, windows, windows_before
+from .filters import FILTERS, crop_bounds, load_filter, weight_path
+from .geometry import undistort_points
+
+REFLECTOR_MARGIN = 0.35  # of the ring's box: how far parallax moves the raised markers out of it
+
+
+class Estimator:
+    """Pose of the port in one image.
+
+    Parameters
+    ----------
+    camera, port
+        Default: the bench's DAVIS 346 and the LM-MAP.
+    modality
+        ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
+    weights
+        ``"low"`` or ``"high"`` domain gap as shipped, or a folder with files of the same names.
+    settings
+        Default: the paper's.
+    """
+
+    def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
+                 weights: str | Path = "low", settings: Settings = PAPER):  # fmt: skip
+        if modality not in ("rgb", "event"):
+            raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
+        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
+        self.modality, self.settings = modality, settings
+        shipped = weights in ("low", "high")
+        paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
+        folder = paths[0].parent if shipped else Path(weights)
+        self.ring_filter, self.reflector_filter = (load_filter(folder / p.name, modality) for p in paths)
+
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of one image; a failed measurement is a status, not an exception.
+
+        Raises
+        ------
+        ValueError
+            If the image's size is not the camera's.
+        """
+        if image.shape[:2] != self.camera.size_px[::-1]:
+            raise ValueError(f"Estimator: camera has (H, W) = {self.camera.size_px[::-1]}, image {image.shape}")
+        fitted, coverage = self.find_ring(self.ring_filter(image))
+        if not isinstance(fitted, Ellipse):
+            return Estimate(t_us, fitted)
+        candidates = circle.poses(fitted, self.camera, self.port.ring_radius_m)
+        reflectors = self.find_reflectors(image, fitted)
+        best = yaw.fast_yaw(reflectors, candidates, self.port, self.camera, self.settings)
+        if best.score < self.settings.min_marker_score:
+            return Estimate(t_us, Status.NO_MARKERS, ellipse=fitted, arc_coverage=coverage,
+                            marker_score=best.score)  # fmt: skip
+        printed = circle.paper_poses(fitted, self.camera, self.port.ring_radius_m)
+        paper = yaw.fast_yaw(reflectors, printed, self.port, self.camera, self.settings)
+        return Estimate(t_us, Status.OK, best.T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
+                        best.score, best.rival_score)  # fmt: skip
+
+    def find_ring(self, mask: np.ndarray) -> tuple[Ellipse | Status, float]:
+        """The ring's ellipse, free of lens distortion, and its arc coverage; or why there is none."""
+        points = ellipse.skeleton_points(mask, self.settings.mask_threshold)
+        if len(points) < self.settings.min_ring_pixels:
+            return Status.NO_RING, 0.0
+        points = undistort_points(points, self.camera)
+        fitted, _ = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
+        if fitted is None:
+            return Status.NO_ELLIPSE, 0.0
+        if not self.camera.distortion:  # the mask's own pixels are distorted
+            fitted = ellipse.refine_on_mask(fitted, mask)
+        return fitted, ellipse.arc_coverage(fitted, points)
+
+    def find_reflectors(self, image: np.ndarray, ring: Ellipse) -> np.ndarray:
+        """Reflector mask (H, W), computed around the ring only and zero elsewhere."""
+        contour = ring.points()
+        low, high = contour.min(0), contour.max(0)
+        margin = REFLECTOR_MARGIN * (high - low)
+        rows, columns = crop_bounds(low - margin, high + margin, self.camera.size_px)
+        mask = np.zeros(image.shape[:2], np.float32)
+        mask[rows, columns] = self.reflector_filter(image[rows, columns])
+        return mask
+
+
+def images(recording: Recording, modality: str, settings: Settings = PAPER,
+           rate_hz: float | None = None) -> Iterator[tuple[int, np.ndarray]]:  # fmt: skip
+    """Yield ``(t_us, image)``: every frame, or one histogram for each N events (or, at ``rate_hz``, the
+    last N events before each tick); a histogram's time is the middle of its events' span."""
+    if modality == "rgb":
+        period_us = 1e6 / rate_hz if rate_hz else 0
+        due = -np.inf
+        for t_us, frame in zip(recording.frames_t_us, recording.frames, strict=True):
+            if t_us >= due - 1000:
+                due = max(due + period_us, t_us) if np.isfinite(due) else t_us + period_us
+                yield int(t_us), frame
+        return
+    events, count = recording.events, settings.events_per_window
+    if rate_hz and len(events):
+        ticks = np.arange(events["t_us"][0], events["t_us"][-1], 1e6 / rate_hz)[1:].astype(np.int64)
+        slices = [s for s in windows_before(events, ticks, count) if s is not None]
+    else:
+        slices = windows(events, count)
+    for s in slices:
+        some = events[s]
+        middle_us = (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2
+        yield middle_us, histogram(some["x"], some["y"], recording.camera.size_px)
+
+
+def estimate(recording: Recording, estimator: Estimator, rate_hz: float | None = None) -> Iterator[Estimate]:
+    """Estimates of a whole recording, in the order of time."""
+    for t_us, image in images(recording, estimator.modality, estimator.settings, rate_hz):
+        yield estimator(image, t_us)
+
+
+def true_poses(recording: Recording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
+    """The estimates whose time the truth covers, and the true poses then."""
+    span = recording.truth.t_us
+    known = [e for e in estimates if span[0] <= e.t_us <= span[-1]]
+    return known, recording.truth.at(np.array([e.t_us for e in known], np.int64))

@@ -1,0 +1,78 @@
+"""Where data and results lie, how results carry their provenance, and when they are out of date."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "data"
+DERIVED = DATA / "derived"
+PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
+
+
+def fingerprint(*extra: str) -> str:
+    """Hash of all that results depend on: the module, the shipped weights, the environment's pins."""
+    digest = hashlib.sha256(repr(extra).encode())
+    for pattern in ("lmmap/*.py", "data/weights/*", "environment.txt"):
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def commit() -> str:
+    """The commit of the checkout, with '+' when tracked files differ from it; 'unknown' without git."""
+    git = ["git", "-C", str(ROOT)]
+    try:
+        head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
+        clean = subprocess.run([*git, "diff", "--quiet", "HEAD"], check=False).returncode == 0
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return head.stdout.strip() + ("" if clean else "+")
+
+
+def provenance(**facts) -> dict:
+    """What made a result; nothing in it changes between two runs of one commit on one machine."""
+    return {**facts, "commit": commit(), "python": platform.python_version(),
+            "machine": platform.machine(), **{name: version(name) for name in PACKAGES}}  # fmt: skip
+
+
+def save_json(path: Path, values: dict, **facts) -> Path:
+    """Write ``values`` with their provenance, whole or not at all."""
+    document = {"values": values, "provenance": provenance(**facts)}
+    return _write(path, json.dumps(document, indent=1, sort_keys=True, default=_plain) + "\n")
+
+
+def load_json(path: Path) -> dict:
+    """The values of a file that `save_json` wrote."""
+    return json.loads(Path(path).read_text())["values"]
+
+
+def save_table(path: Path, table: pd.DataFrame, **facts) -> Path:
+    """Write a CSV, and its provenance as JSON beside it."""
+    _write(path.with_suffix(".provenance.json"), json.dumps(provenance(**facts), indent=1, sort_keys=True) + "\n")
+    return _write(path, table.to_csv(index=False, float_format="%.6g"))
+
+
+def load_table(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path)
+
+
+def _write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_text(text)
+    os.replace(part, path)
+    return path
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

@@ -1,0 +1,163 @@
+"""The sixth degree of freedom: which normal, and which yaw, explain the reflector mask.
+
+The markers stand above the ring's plane, so a wrong normal moves them by parallax: that, and not
+their outline, tells the two circles' poses apart.  The markers are projected in three dimensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .core import PAPER, Camera, Port, Pose, Settings
+from .geometry import project, rotation_z
+
+
+@dataclass(frozen=True)
+class YawFit:
+    """The better of the two normals with its best yaw, and the other normal with its best yaw.
+
+    Scores are the mean of the mask inside the projected markers, in [0, 1].
+    """
+
+    T_cam_port: Pose
+    score: float
+    rival: Pose
+    rival_score: float
+
+
+def paper_yaw(
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+) -> YawFit:
+    """The paper's grid: both normals, every degree of yaw, largest sum of mask times projected
+    markers (its equation 3 prints argmin where it maximises).
+
+    Parameters
+    ----------
+    reflector_mask : (H, W), values in [0, 1]
+    T_cam_port : Pose of shape (2,)
+        The two candidates; their yaw is the grid's zero.
+    """
+    mask = _check(reflector_mask, T_cam_port, camera)
+    yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
+    hypotheses = _turned(T_cam_port[:, None], yaws)  # (2, N)
+    corners = _project_markers(hypotheses, port.marker_corners_m(), camera)  # (2, N, S, 4, 2)
+    total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
+    if np.all(np.isfinite(corners)):
+        low = np.floor(corners.min((0, 1, 2, 3))).astype(int).clip(0, camera.size_px)
+        high = np.ceil(corners.max((0, 1, 2, 3))).astype(int).clip(-1, np.array(camera.size_px) - 1) + 1
+        crop = mask[low[1] : high[1], low[0] : high[0]]
+        if crop.size:
+            pixels = np.round(corners - low).astype(np.int32)
+            for index in np.ndindex(total.shape):
+                drawn = cv2.fillPoly(np.zeros(crop.shape, np.uint8), list(pixels[index]), 1)
+                total[index] = np.sum(crop, where=drawn.astype(bool))
+                mean[index] = total[index] / max(drawn.sum(), 1)
+    best = total.argmax(1)
+    return _fit(hypotheses[[0, 1], best], total.max(1), mean[[0, 1], best])
+
+
+def fast_yaw(
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+) -> YawFit:
+    """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
+
+    The mask is warped to polar coordinates of the markers' plane (z = plate height), where yaw is a
+    shift; its symmetric sectors are folded, correlated with one marker by FFT, and a parabola
+    through the peak gives the yaw.  Between the normals the larger cosine between mask and projected
+    markers wins, mean * sqrt(area): a plain mean would favour the smaller outline and a plain sum the
+    larger one.  Arguments as `paper_yaw`; markers outside the image or behind the camera count as
+    unlit.
+    """
+    mask = _check(reflector_mask, T_cam_port, camera)
+    radii, angles, template = _polar_template(port, settings)
+    polar = np.stack([np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))], -1)
+    points = np.concatenate([polar, np.full_like(polar[..., :1], port.plate_height_m)], -1)
+    folded = _sample(mask, _project_markers(T_cam_port, points, camera))
+    folded = folded.reshape(2, len(radii), port.symmetry, -1).mean(2)
+    spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
+    correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
+
+    peak = correlation.argmax(1)
+    left, top, right = (correlation[[0, 1], (peak + k) % folded.shape[-1]] for k in (-1, 0, 1))
+    bend = left - 2 * top + right
+    offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1), 0)
+    poses = _turned(T_cam_port, (peak + offset) * (angles[1] - angles[0]))
+
+    mean = _sample(mask, _project_markers(poses, _marker_points_m(port), camera)).mean((1, 2))
+    area = _area_px(_project_markers(poses, port.marker_corners_m(), camera))
+    return _fit(poses, mean * np.sqrt(area), mean)
+
+
+def _turned(T: Pose, yaw_rad) -> Pose:
+    rotation = T.rotation @ rotation_z(yaw_rad)
+    return Pose(rotation, np.broadcast_to(T.position_m, rotation.shape[:-1]))
+
+
+def _project_markers(T_cam_port: Pose, points_m, camera: Camera):
+    """(*B,) poses and (*P, 3) points -> (*B, *P, 2) px."""
+    R, p = T_cam_port.rotation, T_cam_port.position_m
+    points = np.asarray(points_m)
+    flat = points.reshape(-1, 3) @ np.swapaxes(R, -1, -2) + p[..., None, :]
+    return project(flat, camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
+
+
+def _sample(mask, points_px):
+    """Bilinear values of the mask, zero outside the image and behind the camera."""
+    grid = np.nan_to_num(points_px, nan=-10).clip(-10, 30_000).astype(np.float32)
+    return cv2.remap(mask, grid.reshape(-1, grid.shape[-2], 2), None, cv2.INTER_LINEAR, borderValue=0.0).reshape(
+        points_px.shape[:-1]
+    )
+
+
+def _polar_template(port: Port, settings: Settings, samples_per_step: int = 2, radial: int = 24):
+    """Radii (R,), angles (A,) over the full turn, and the marker at yaw 0 folded over one period,
+    (R, A / symmetry), weighted by the polar area element."""
+    per_period = samples_per_step * round(port.yaw_period_rad / settings.yaw_step_rad)
+    angles = np.arange(per_period * port.symmetry) * (port.yaw_period_rad / per_period)
+    tangential, depth = np.array(port.marker_size_m) / 2
+    near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
+    outer = np.hypot(far, tangential) * 1.1
+    radii = np.linspace(0.8 * near, outer, radial)
+    x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
+    marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
+    template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
+    return radii, angles, template - template.mean(1, keepdims=True)
+
+
+def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
+    """Points spread evenly over the markers, shape (symmetry, tangential * radial, 3)."""
+    corners = port.marker_corners_m()
+    s, t = ((np.arange(n) + 0.5) / n for n in (radial, tangential))
+    along, across = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
+    grid = (
+        corners[:, 0][:, None, None]
+        + s[:, None, None] * along[:, None, None]
+        + t[None, :, None] * across[:, None, None]
+    )
+    return grid.reshape(len(corners), -1, 3)
+
+
+def _area_px(corners_px):
+    """Total area of the markers' outlines, (..., S, 4, 2) -> (...); zero behind the camera."""
+    a, b = np.moveaxis(corners_px, -1, 0)
+    cross = a * np.roll(b, -1, -1) - b * np.roll(a, -1, -1)
+    return np.nan_to_num(np.abs(cross.sum(-1)).sum(-1) / 2)
+
+
+def _fit(poses: Pose, criterion, score) -> YawFit:
+    best = int(np.argmax(criterion))
+    return YawFit(poses[best], float(score[best]), poses[1 - best], float(score[1 - best]))
+
+
+def _check(mask, T_cam_port: Pose, camera: Camera):
+    mask = np.ascontiguousarray(mask, np.float32)
+    if mask.shape != (camera.height_px, camera.width_px):
+        raise ValueError(
+            f"reflector_mask: expected shape {(camera.height_px, camera.width_px)}, got {mask.shape}"
+        )
+    if T_cam_port.position_m.shape != (2, 3):
+        raise ValueError(f"T_cam_port: expected two poses, got shape {T_cam_port.position_m.shape[:-1]}")
+    return mask

@@ -1,0 +1,101 @@
+"""Laws of light: linear, inverse square, no energy from nothing, shadows, retro-reflection."""
+
+import numpy as np
+import pytest
+from conftest import facing_pose
+
+from lmmap import materials, scene, shading
+from lmmap.core import Camera, Port
+
+CAMERA, PORT = Camera(61, 41, 60.0, 60.0, 30.0, 20.0), Port.lm_map()
+RAYS = shading.ray_grid(CAMERA, 1)
+BLACK = np.zeros((41, 61, 3), np.float32)
+FRONTAL = facing_pose(0.0, 0.0, 0.0, [0.0, 0.0, 0.5])
+
+
+def matt(albedo=0.5):
+    skin = np.zeros((44, 68, materials.CHANNELS), np.float32)
+    skin[..., materials.DIFFUSE], skin[..., materials.ROUGHNESS] = albedo, 1.0
+    return skin
+
+
+def lamp(position, intensity=1.0):
+    return shading.Lamps(np.array([position], float), np.full((1, 3), float(intensity)), np.zeros(1))
+
+
+def panel_radiance(lamps, albedo=0.5, pose=FRONTAL):
+    bare = scene.solid(PORT)._replace(bound_radius2=-1.0)
+    return shading.render(bare, matt(albedo), lamps, pose, RAYS, BLACK)[0]
+
+
+def test_lambert_by_hand():
+    centre = panel_radiance(lamp([0, 0, 0]))[20, 30, 0]
+    z = 0.5 + PORT.panel_depth_m
+    ambient = shading.AMBIENT * 0.5
+    assert centre == pytest.approx(0.5 / np.pi / z**2 + ambient, rel=1e-3)
+
+
+def test_inverse_square_and_linear():
+    far = facing_pose(0.0, 0.0, 0.0, [0.0, 0.0, 2 * (0.5 + PORT.panel_depth_m) - PORT.panel_depth_m])
+    ambient = shading.AMBIENT * 0.5
+    near, away = panel_radiance(lamp([0, 0, 0])), panel_radiance(lamp([0, 0, 0]), pose=far)
+    assert (away[20, 30] - ambient) * 4 == pytest.approx(near[20, 30] - ambient, rel=1e-4)
+    assert panel_radiance(lamp([0, 0, 0], 3.0)) == pytest.approx(3 * near, rel=1e-5)
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.4, 0.9])
+@pytest.mark.parametrize("nv", [0.2, 0.6, 1.0])
+def test_white_microfacets_give_back_no_more_than_they_get(alpha, nv):
+    """White furnace: at most all comes back; rough surfaces lose what bounces twice."""
+    n = 400
+    cos_l, phi = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n * 2 * np.pi)
+    sin_l, sin_v = np.sqrt(1 - cos_l**2), np.sqrt(1 - nv**2)
+    h = np.stack([sin_l * np.cos(phi) + sin_v, sin_l * np.sin(phi), cos_l + nv])
+    h /= np.linalg.norm(h, axis=0)
+    lobe = np.vectorize(shading._microfacet)(cos_l, nv, h[2], h[0] * sin_v + h[2] * nv, 1.0, alpha)
+    total = np.sum(lobe * cos_l) * 2 * np.pi / n**2
+    assert 0.3 < total <= 1.03
+
+
+def test_plate_casts_a_shadow_on_the_ring_away_from_the_sun():
+    solid = scene.solid(PORT)
+    lamps = lamp([-1.0, 0.0, 0.1], 5.0)
+    rays = shading.ray_grid(Camera.davis346(), 1)
+    backdrop = np.zeros((260, 346, 3), np.float32)
+    radiance, cover = shading.render(solid, matt(), lamps, FRONTAL, rays, backdrop)
+    ring = cover[..., 0] == 1
+    u = np.broadcast_to(np.arange(346), ring.shape)
+    towards, away = radiance[ring & (u < 140), 0], radiance[ring & (u > 205), 0]
+    assert np.mean(away < 0.2 * np.median(towards)) > 0.3
+    assert np.mean(towards < 0.2 * np.median(towards)) < 0.05
+
+
+def test_ring_returns_a_colocated_lamp_to_the_camera():
+    solid = scene.solid(PORT)
+    rays = shading.ray_grid(Camera.davis346(), 1)
+    backdrop = np.zeros((260, 346, 3), np.float32)
+
+    def ring_radiance(position):
+        radiance, cover = shading.render(solid, matt(), lamp(position), FRONTAL, rays, backdrop)
+        return np.median(radiance[cover[..., 0] == 1, 0])
+
+    assert ring_radiance([0, 0, 0]) > 10 * ring_radiance([0.3, 0, 0])
+
+
+def test_cover_is_the_projected_annulus():
+    solid = scene.solid(PORT)._replace(plate_apothem=0.0, petals=np.zeros((0, 4, 3)), stem=0.0)
+    camera = Camera.davis346()
+    pose = facing_pose(0.0, 0.0, 0.0, [0, 0, 0.5])
+    backdrop = np.zeros((260, 346, 3), np.float32)
+    rays = shading.ray_grid(camera, 4)
+    cover = shading.render(solid, matt(), lamp([0, 0, 0]), pose, rays, backdrop)[1]
+    area = np.pi * (PORT.ring_outer_radius_m**2 - PORT.ring_inner_radius_m**2) * (324 / 0.5) ** 2
+    assert cover[..., 0].sum() == pytest.approx(area, rel=0.01)
+
+
+def test_exposure_is_linear_then_saturates(rng):
+    grey = np.full((200, 200, 3), 0.4, np.float32)
+    frame = shading.expose(grey, 1.0, rng)
+    assert frame.mean() == pytest.approx(0.4 * 255, rel=0.005)
+    assert frame.std() == pytest.approx(255 * np.sqrt(0.4 * 7000 + 25**2) / 7000, rel=0.1)
+    assert np.all(shading.expose(5 * grey, 1.0, rng) == 255)
