@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
@@ -15,7 +17,10 @@ from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .tracking import outlier_filter
 from .trajectories import write_estimates
 
-PROFILES = {"quick": {"test": 8.0, "hard": 4.0, "empty": 4.0}, "paper": {"test": 210.0, "hard": 40.0, "empty": 250.0}}
+PROFILES = {
+    "quick": {"test": 6.0, "hard": 3.0, "empty": 3.0},
+    "paper": {"test": 210.0, "hard": 40.0, "empty": 250.0},
+}
 LIGHTS, MODALITIES = ("low", "medium", "high"), ("rgb", "event")
 SEQUENCES = ("test-low", "test-medium", "test-high", "hard-slow", "hard-reflect", "empty-0")
 
@@ -102,6 +107,7 @@ def reproduce(profile: str, report=print) -> None:
     that an interrupted run goes on and a second run has nothing to do.
     """
     folder, mark = DERIVED / profile, fingerprint(profile)
+    folder.mkdir(parents=True, exist_ok=True)
     for name in SEQUENCES:
         done = folder / f"{name}.done"
         if done.exists() and done.read_text() == mark:
@@ -137,12 +143,10 @@ def _estimate_sequence(recording, folder, profile, report) -> None:
         save_json(folder / f"saturation-{recording.name}.json", saturation(recording, port), profile=profile)
 
 
-def compare(profile: str = "quick") -> pd.DataFrame:
-    """Paper's Table I beside ours, cell by cell, for the low-domain-gap weights."""
-    ours = pd.read_csv(DERIVED / profile / "summary.csv")
-    paper = pd.read_csv(DATA / "paper" / "table1.csv").query("training == 'low-domain-gap'")
+def compare(folder: Path) -> pd.DataFrame:
+    """The paper's Table I beside ours, cell by cell, for the low-domain-gap weights."""
     keys = ["outlier_filter", "metric", "statistic", "light", "modality"]
-    wide = ours.pivot_table(index=keys, columns="formula", values="value", dropna=False).reset_index()
-    both = paper.merge(wide, on=keys, suffixes=("_paper", ""))
-    return both.rename(columns={"value": "published", "exact": "ours", "paper": "ours_printed_formula"})
-
+    paper = pd.read_csv(DATA / "paper" / "table1.csv").query("training == 'low-domain-gap'")
+    ours = pd.read_csv(folder / "summary.csv").pivot_table("value", keys, "formula", dropna=False)
+    ours = ours.rename(columns={"exact": "ours", "paper": "printed_formula"}).reset_index()
+    return paper.rename(columns={"value": "published"}).drop(columns="training").merge(ours, on=keys)

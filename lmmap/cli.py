@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     sub = command("simulate", simulate, "record a sequence of the bench, with its ground truth beside it")
-    sub.add_argument("--sequence", required=True, help="augmented-N, realistic-N, test-low|medium|high, hard-slow...")
+    sub.add_argument("--sequence", required=True, help="test-low, realistic-3, hard-slow, ...")
     sub.add_argument("--seconds", type=float, help="length (default: the sequence's own)")
     sub.add_argument("-o", "--output", type=Path, required=True, help="FILE.aedat4 or FILE.npz")
 
@@ -92,14 +92,21 @@ def _recording(sub) -> None:
     sub.add_argument("--port", type=Path, help="another port's geometry (JSON)")
 
 
+def _check_folder(path: Path) -> None:
+    """Before the work, not after it."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no folder {path.parent}; make it first")
+
+
 def simulate(a) -> None:
     writers = {".aedat4": write_aedat4, ".npz": write_npz}
     if a.output.suffix not in writers:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it .aedat4 or .npz")
-    if not a.output.parent.is_dir():
-        raise InputError(f"{a.output}: no folder {a.output.parent}; make it first")
+    _check_folder(a.output)
     seconds = sequences.sequence(a.sequence).seconds if a.seconds is None else a.seconds
-    with tqdm(total=seconds, unit="s", desc=a.sequence, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+    with tqdm(
+        total=seconds, unit="s", desc=a.sequence, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}"
+    ) as bar:
         recording = sequences.simulate(a.sequence, seconds, lambda done: bar.update(done - bar.n))
         bar.update(seconds - bar.n)
     writers[a.output.suffix](recording, a.output)
@@ -131,6 +138,7 @@ def estimate(a) -> None:
     recording, port = _open(a)
     if a.rate is not None and not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
+    _check_folder(a.output)
     found = _estimates(recording, a.modality, port, a.rate)
     if a.format == "csv":
         write_estimates(found, a.output)
@@ -167,8 +175,11 @@ def info(a) -> None:
         print(json.dumps(facts, indent=1))
         return
     for name, value in facts.items():
-        print(f"{name.replace('_', ' '):18} {value:.6g}" if isinstance(value, float) else
-              f"{name.replace('_', ' '):18} {value}")
+        print(
+            f"{name.replace('_', ' '):18} {value:.6g}"
+            if isinstance(value, float)
+            else f"{name.replace('_', ' '):18} {value}"
+        )
 
 
 def train(a) -> None:

@@ -8,21 +8,16 @@ integer pixel coordinates are pixel centres.
 
 from __future__ import annotations
 
-import json
-import re
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation, Slerp
 
+from . import calibration
+from .calibration import InputError as InputError
+
 EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
-
-
-class InputError(Exception):
-    """Bad input from outside: the message names the file, the problem and the remedy."""
 
 
 def frozen_array(a, dtype=float) -> np.ndarray:
@@ -69,38 +64,11 @@ class Camera:
     @classmethod
     def load(cls, path) -> Camera:
         """Read our JSON, or an OpenCV or ROS calibration YAML; raises `InputError`."""
-        path = Path(path)
-        try:
-            text = path.read_text()
-            if path.suffix == ".json":
-                return cls(**_exact_keys(json.loads(text), cls))
-            # OpenCV writes '%YAML:1.0' and '!!opencv-matrix', which no YAML parser knows
-            text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
-            return cls(**_calibration(yaml.safe_load(text)))
-        except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
-            raise InputError(
-                f"{path}: not a camera calibration ({_one_line(error)}); "
-                "expected our JSON or an OpenCV/ROS calibration YAML"
-            ) from None
+        return cls(**calibration.read_camera(path, cls))
 
     def save(self, path) -> None:
         """Write the JSON that `load` reads."""
-        Path(path).write_text(json.dumps(_plain(self), indent=1) + "\n")
-
-
-def _calibration(y: dict) -> dict:
-    matrix = y.get("camera_matrix") or y["Camera_Matrix"]
-    k = np.array(matrix["data"], float).reshape(3, 3)
-    distortion = y.get("distortion_coefficients", {}).get("data", [])
-    return dict(
-        width_px=int(y["image_width"]),
-        height_px=int(y["image_height"]),
-        fx_px=float(k[0, 0]),
-        fy_px=float(k[1, 1]),
-        cx_px=float(k[0, 2]),
-        cy_px=float(k[1, 2]),
-        distortion=tuple(float(d) for d in distortion) if np.any(distortion) else (),
-    )
+        calibration.write_fields(path, self)
 
 
 @dataclass(frozen=True)
@@ -150,15 +118,11 @@ class Port:
     @classmethod
     def load(cls, path) -> Port:
         """Read a JSON file with the fields of this class; raises `InputError`."""
-        try:
-            values = _exact_keys(json.loads(Path(path).read_text()), cls)
-            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
-        except (OSError, ValueError, TypeError) as error:
-            raise InputError(f"{path}: not a port file ({_one_line(error)})") from None
+        return cls(**calibration.read_port(path, cls))
 
     def save(self, path) -> None:
         """Write the JSON that `load` reads."""
-        Path(path).write_text(json.dumps(_plain(self), indent=1) + "\n")
+        calibration.write_fields(path, self)
 
     @property
     def yaw_period_rad(self) -> float:
@@ -325,23 +289,3 @@ class Settings:
 
 
 PAPER = Settings()
-
-
-def _plain(instance) -> dict:
-    return {f.name: getattr(instance, f.name) for f in fields(instance)}
-
-
-def _exact_keys(values, cls) -> dict:
-    if not isinstance(values, dict):
-        raise ValueError("expected a JSON object")
-    required = {f.name for f in fields(cls)} - {"distortion", "symmetry"}
-    if missing := sorted(required - set(values)):
-        raise ValueError(f"missing {', '.join(missing)}")
-    if "distortion" in values:
-        values["distortion"] = tuple(values["distortion"])
-    return values
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).strip().splitlines()
-    return f"{type(error).__name__}: {text[0]}" if text else type(error).__name__

@@ -51,7 +51,9 @@ class EventSensor:
         if dt <= 0:
             raise ValueError(f"EventSensor: times must increase, got {t_us} after {self._t_s * 1e6:.0f}")
         light = (np.minimum(intensity, 255) + 20) / 275
-        follow = 1 - np.exp(-2 * np.pi * s.cutoff_hz * light * dt) if np.isfinite(s.cutoff_hz) else light * 0 + 1
+        follow = (
+            1 - np.exp(-2 * np.pi * s.cutoff_hz * light * dt) if np.isfinite(s.cutoff_hz) else light * 0 + 1
+        )
         shots = self._rng.random(log.shape, np.float32) < s.shot_hz * dt * (1 - 0.75 * light)
         coin = self._rng.random(log.shape, np.float32)
         t, x, y, p = _step(log, follow, shots, coin, self._state[0], self._state[1], self._last_s,

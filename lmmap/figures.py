@@ -56,7 +56,9 @@ def strip(images, titles, width: float = 7.0):
     return fig, np.atleast_1d(axes)
 
 
-def draw_port(ax, T_cam_port: Pose, port: Port, camera: Camera, colour: str = COLOUR["truth"], **style) -> None:
+def draw_port(
+    ax, T_cam_port: Pose, port: Port, camera: Camera, colour: str = COLOUR["truth"], **style
+) -> None:
     """The CAD's ring and markers at a pose, on an image."""
     rings = [circle_points_m(r, 90) for r in (port.ring_inner_radius_m, port.ring_outer_radius_m)]
     for points in (*rings, *port.marker_corners_m()):
@@ -69,7 +71,9 @@ def draw_ellipse(ax, ellipse: Ellipse, colour: str = COLOUR["ours"], **style) ->
     ax.plot(np.append(u, u[0]), np.append(v, v[0]), color=colour, **{"lw": 1.0, **style})
 
 
-def draw_estimate(ax, image, estimate: Estimate, port: Port, camera: Camera, truth: Pose | None = None) -> None:
+def draw_estimate(
+    ax, image, estimate: Estimate, port: Port, camera: Camera, truth: Pose | None = None
+) -> None:
     """An image with the estimate (and the truth) drawn on it."""
     show_image(ax, image, str(estimate.status))
     if truth is not None:
@@ -83,7 +87,9 @@ def draw_estimate(ax, image, estimate: Estimate, port: Port, camera: Camera, tru
 def draw_cumulative(ax, values, label: str, colour: str, **style) -> None:
     """Share of values below each value."""
     values = np.sort(np.asarray(values)[np.isfinite(values)])
-    ax.plot(values, 100 * (np.arange(len(values)) + 1) / max(len(values), 1), color=colour, label=label, **style)
+    ax.plot(
+        values, 100 * (np.arange(len(values)) + 1) / max(len(values), 1), color=colour, label=label, **style
+    )
 
 
 def nearest_frame(recording: Recording, t_us: int) -> int:

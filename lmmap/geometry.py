@@ -153,7 +153,7 @@ def rotation_z(angle_rad) -> np.ndarray:
 def rotation_angle_rad(rotation) -> np.ndarray:
     """Angles of rotation matrices in [0, pi], (..., 3, 3) -> (...); accurate near zero too."""
     R = np.asarray(rotation)
-    skew = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)
+    skew = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]]
     return np.arctan2(np.linalg.norm(skew, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1)
 
 
@@ -163,3 +163,32 @@ def rotation_between_rad(R_a, R_b, yaw_period_rad: float) -> np.ndarray:
     turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
     relative = np.swapaxes(R_a, -1, -2) @ R_b
     return np.min(rotation_angle_rad(relative[..., None, :, :] @ turns), -1)
+
+
+def on_plane(points_px, T_cam_port: Pose, height_m: float, camera: Camera) -> np.ndarray:
+    """Where lines of sight meet the port's plane z = height, (..., 2) px -> (..., 2) m; NaN if they don't."""
+    T_port_cam = T_cam_port.inverse
+    direction = bearings(points_px, camera) @ T_port_cam.rotation.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (height_m - T_port_cam.position_m[2]) / direction[..., 2]
+    along = np.where((along > 0) & np.isfinite(along), along, np.nan)
+    return T_port_cam.position_m[:2] + along[..., None] * direction[..., :2]
+
+
+def ideal_masks(T_cam_port: Pose, port: Port, camera: Camera, samples: int = 4) -> np.ndarray:
+    """Share of each pixel that ring and markers cover when nothing hides them, (2, H, W) f32."""
+    offsets = (np.arange(samples) + 0.5) / samples - 0.5
+    u, v = (np.add.outer(np.arange(n), offsets).ravel() for n in camera.size_px)
+    pixels = np.stack(np.meshgrid(u, v), -1)
+    radius = np.linalg.norm(on_plane(pixels, T_cam_port, 0.0, camera), axis=-1)
+    ring = (radius >= port.ring_inner_radius_m) & (radius <= port.ring_outer_radius_m)
+    xy = on_plane(pixels, T_cam_port, port.plate_height_m, camera)
+    half = port.yaw_period_rad / 2
+    angle = (np.arctan2(xy[..., 1], xy[..., 0]) + half) % port.yaw_period_rad - half  # into one sector
+    distance = np.linalg.norm(xy, axis=-1)
+    tangential, radial = np.array(port.marker_size_m) / 2
+    markers = (np.abs(distance * np.cos(angle) - port.marker_radius_m) <= radial) & (
+        np.abs(distance * np.sin(angle)) <= tangential
+    )
+    blocks = np.stack([ring, markers]).reshape(2, camera.height_px, samples, camera.width_px, samples)
+    return blocks.mean((2, 4), dtype=np.float32)

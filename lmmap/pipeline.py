@@ -51,7 +51,8 @@ class Estimator:
             If the image's size is not the camera's.
         """
         if image.shape[:2] != self.camera.size_px[::-1]:
-            raise ValueError(f"Estimator: camera has (H, W) = {self.camera.size_px[::-1]}, image {image.shape}")
+            shape = self.camera.size_px[::-1]
+            raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")
         fitted, coverage = self.find_ring(self.ring_filter(image))
         if not isinstance(fitted, Ellipse):
             return Estimate(t_us, fitted)
@@ -76,7 +77,9 @@ class Estimator:
         if fitted is None:
             return Status.NO_ELLIPSE, 0.0
         if not self.camera.distortion:  # the mask's own pixels are distorted
-            fitted = ellipse.refine_on_mask(fitted, mask)
+            p, semi_major_px = self.port, fitted.semi_axes_px[0]
+            stroke = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * semi_major_px
+            fitted = ellipse.refine_on_mask(fitted, mask, 1.5 * stroke)
         return fitted, ellipse.arc_coverage(fitted, points)
 
     def find_reflectors(self, image: np.ndarray, ring: Ellipse) -> np.ndarray:

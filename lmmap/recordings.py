@@ -114,7 +114,7 @@ def _inside(events, size_px) -> np.ndarray:
 
 def _read_npz(path: Path):
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             events, frames, t_us = data["events"], data["frames"], data["frames_t_us"]
             width, height = (int(n) for n in data["size_px"])
         if events.dtype != EVENT or frames.dtype != np.uint8 or t_us.dtype != np.int64:

@@ -19,6 +19,11 @@ DERIVED = DATA / "derived"
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 
+def profile() -> str:
+    """The profile whose results the book shows: that of ``make reproduce``, by default ``quick``."""
+    return os.environ.get("PROFILE", "quick")
+
+
 def fingerprint(*extra: str) -> str:
     """Hash of all that results depend on: the module, the shipped weights, the environment's pins."""
     digest = hashlib.sha256(repr(extra).encode())
@@ -32,7 +37,9 @@ def commit() -> str:
     """The commit of the checkout, with '+' when tracked files differ from it; 'unknown' without git."""
     git = ["git", "-C", str(ROOT)]
     try:
-        head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
+        head = subprocess.run(
+            [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True
+        )
         clean = subprocess.run([*git, "diff", "--quiet", "HEAD"], check=False).returncode == 0
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
@@ -58,7 +65,9 @@ def load_json(path: Path) -> dict:
 
 def save_table(path: Path, table: pd.DataFrame, **facts) -> Path:
     """Write a CSV, and its provenance as JSON beside it."""
-    _write(path.with_suffix(".provenance.json"), json.dumps(provenance(**facts), indent=1, sort_keys=True) + "\n")
+    _write(
+        path.with_suffix(".provenance.json"), json.dumps(provenance(**facts), indent=1, sort_keys=True) + "\n"
+    )
     return _write(path, table.to_csv(index=False, float_format="%.6g"))
 
 

@@ -83,7 +83,7 @@ def motion(seq: Sequence, t_s) -> Pose:
     tilt = np.stack([wander(0, 0.30), wander(0, 0.30), np.zeros_like(t_s)], -1)
     yaw = wander(rng.uniform(0, 2 * np.pi), 0.8)
     if seq.name == "hard-slow":
-        x, tilt = x + 0.0015 * (t_s - 20), tilt + [0.25, 0.1, 0]
+        x, tilt = x + 0.0015 * (t_s - 20), tilt + np.array([0.25, 0.1, 0])
     facing = Rotation.from_rotvec([np.pi, 0, 0])
     turn = Rotation.from_rotvec(tilt) * facing * Rotation.from_rotvec(np.outer(yaw, [0, 0, 1]))
     return Pose(turn.as_matrix(), np.stack([x, y, depth], -1))
@@ -136,7 +136,9 @@ def backdrop(seq: Sequence, camera: Camera, total_intensity: float) -> np.ndarra
     shape = (camera.height_px, camera.width_px)
     light = np.full((*shape, 3), 0.002, np.float32)
     for _ in range(rng.integers(0, 4)):
-        edge = np.clip(20 * materials.smooth_noise(shape, rng.uniform(80, 250), rng) - rng.uniform(10, 40), 0, 1)
+        edge = np.clip(
+            20 * materials.smooth_noise(shape, rng.uniform(80, 250), rng) - rng.uniform(10, 40), 0, 1
+        )
         colour = rng.uniform(0.005, 0.06) * np.array([1.0, rng.uniform(0.5, 1), rng.uniform(0.3, 1)])
         light += edge[..., None] * colour.astype(np.float32)
     return shading.blur(light * np.float32(min(total_intensity, 40.0)), 1.0)

@@ -121,7 +121,7 @@ def _render(s, skin, lamps, intensity, radii, parts, R, origin, rays, backdrop, 
                     lobe = _microfacet(nl, nv, nh, vh, 0.0, alpha)
                     peak = _microfacet(nl, nv, nh, vh, 1.0, alpha)
                     retro = 0.0
-                    if what == RING or what == MARKER:
+                    if what in (RING, MARKER):
                         # small angles: |l - v|^2 is the observation angle squared
                         angle2 = (lx + dx) ** 2 + (ly + dy) ** 2 + (lz + dz) ** 2
                         retro = RETRO_PEAK_SR * np.exp(-angle2 / RETRO_WIDTH_RAD**2)

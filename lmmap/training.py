@@ -115,7 +115,9 @@ def batch(images, masks, recipe: Recipe, step: int):
             out.append(piece[:, ::-1] if flip else piece)
     x = np.stack(x)
     if recipe.modality == "rgb":  # another exposure and white balance
-        gain = np.exp(rng.normal(0, 0.35, (recipe.batch, 1, 1, 1)) + rng.normal(0, 0.08, (recipe.batch, 1, 1, 3)))
+        gain = np.exp(
+            rng.normal(0, 0.35, (recipe.batch, 1, 1, 1)) + rng.normal(0, 0.08, (recipe.batch, 1, 1, 3))
+        )
         x = np.clip(x * gain, 0, 255).astype(np.float32)
     return encode(x, recipe.modality), torch.from_numpy(np.stack(y)).float().unsqueeze(1)
 
@@ -142,7 +144,8 @@ def train(recipe: Recipe, folder: Path, report=print) -> Path:
     net = FilterNet(CHANNELS[recipe.modality], prior=float(masks.mean()))
     net = net.to(memory_format=torch.channels_last)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
-    checkpoint = folder / f"{recipe.filter}-{recipe.modality}-{recipe.domain_gap}-{recipe.seed}.ckpt.safetensors"
+    name = f"{recipe.filter}-{recipe.modality}-{recipe.domain_gap}-{recipe.seed}"
+    checkpoint = folder / f"{name}.ckpt.safetensors"
     start, curve = _resume(checkpoint, net, adam, recipe)
     for step in range(start, recipe.steps):
         for group in adam.param_groups:
@@ -162,8 +165,11 @@ def train(recipe: Recipe, folder: Path, report=print) -> Path:
             report(f"{recipe.filter} {recipe.modality} {curve[-1]}")
     path = weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
     path.parent.mkdir(parents=True, exist_ok=True)
-    command = f"lmmap train --filter {recipe.filter} --modality {recipe.modality} --domain-gap {recipe.domain_gap}"
-    card = {"command": f"{command} --seed {recipe.seed} --steps {recipe.steps}", "recipe": asdict(recipe),
+    command = (
+        f"lmmap train --filter {recipe.filter} --modality {recipe.modality} "
+        f"--domain-gap {recipe.domain_gap} --seed {recipe.seed} --steps {recipe.steps}"
+    )
+    card = {"command": command, "recipe": asdict(recipe),
             "training_sequences": training, "validation_sequences": validation,
             "training_images": len(images), "validation_images": len(held_out[0]),
             "camera": Camera.davis346().size_px, "curve": curve}  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -38,10 +38,8 @@ def atomic(path):
             f"{path}: cannot write ({error.strerror or error}); choose a folder with room that you may write"
         ) from None
     finally:
-        try:
+        with suppress(OSError):  # the folder itself may be missing or no folder: nothing was written
             temporary.unlink(missing_ok=True)
-        except OSError:  # the folder itself is missing or no folder: nothing was written
-            pass
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:

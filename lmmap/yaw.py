@@ -50,9 +50,9 @@ def paper_yaw(
         high = np.ceil(corners.max((0, 1, 2, 3))).astype(int).clip(-1, np.array(camera.size_px) - 1) + 1
         crop = mask[low[1] : high[1], low[0] : high[0]]
         if crop.size:
-            pixels = np.round(corners - low).astype(np.int32)
+            fixed_point = np.round((corners - low) * 16).astype(np.int32)
             for index in np.ndindex(total.shape):
-                drawn = cv2.fillPoly(np.zeros(crop.shape, np.uint8), list(pixels[index]), 1)
+                drawn = cv2.fillPoly(np.zeros(crop.shape, np.uint8), list(fixed_point[index]), 1, shift=4)
                 total[index] = np.sum(crop, where=drawn.astype(bool))
                 mean[index] = total[index] / max(drawn.sum(), 1)
     best = total.argmax(1)
@@ -107,12 +107,11 @@ def _project_markers(T_cam_port: Pose, points_m, camera: Camera):
 def _sample(mask, points_px):
     """Bilinear values of the mask, zero outside the image and behind the camera."""
     grid = np.nan_to_num(points_px, nan=-10).clip(-10, 30_000).astype(np.float32)
-    return cv2.remap(mask, grid.reshape(-1, grid.shape[-2], 2), None, cv2.INTER_LINEAR, borderValue=0.0).reshape(
-        points_px.shape[:-1]
-    )
+    grid = grid.reshape(-1, grid.shape[-2], 2)
+    return cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
 
 
-def _polar_template(port: Port, settings: Settings, samples_per_step: int = 2, radial: int = 24):
+def _polar_template(port: Port, settings: Settings, samples_per_step: int = 1, radial: int = 16):
     """Radii (R,), angles (A,) over the full turn, and the marker at yaw 0 folded over one period,
     (R, A / symmetry), weighted by the polar area element."""
     per_period = samples_per_step * round(port.yaw_period_rad / settings.yaw_step_rad)
@@ -124,7 +123,7 @@ def _polar_template(port: Port, settings: Settings, samples_per_step: int = 2, r
     x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
     marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
     template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
-    return radii, angles, template - template.mean(1, keepdims=True)
+    return radii, angles, template
 
 
 def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):

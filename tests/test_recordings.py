@@ -1,7 +1,6 @@
 """Laws of recording files: what is written comes back exactly; what is damaged is named."""
 
 import os
-import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -128,7 +127,7 @@ def test_no_camera_is_asked_for_or_nominal(tmp_path):
 
 def test_camera_of_another_size(tmp_path):
     write_npz(recording(), tmp_path / "r.npz")
-    with pytest.raises(InputError, match="64 x 48.*346 x 260"):
+    with pytest.raises(InputError, match=r"64 x 48.*346 x 260"):
         open_recording(tmp_path / "r.npz", Camera.davis346())
 
 
@@ -274,7 +273,6 @@ def test_full_disk_is_an_error_not_an_abort(tmp_path):
         "try: recordings.write_aedat4(recording(events=100_000), sys.argv[1])\n"
         "except core.InputError as error: print(error)"
     )
-    assert resource.RLIM_INFINITY == resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     here = Path(__file__).parent
     run = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path / "r.aedat4"), str(here), str(here.parent)],

@@ -84,6 +84,8 @@ def test_checkpoints_hold_no_pickle(toy):
 
 
 def test_learns_a_bright_square(toy):
-    path = training.train(training.Recipe("ring", "event", steps=40, batch=8, warm_up=5), toy, lambda line: None)
+    path = training.train(
+        training.Recipe("ring", "event", steps=40, batch=8, warm_up=5), toy, lambda line: None
+    )
     curve = json.loads(path.with_suffix(".json").read_text())["curve"]
     assert curve[-1]["iou"] > 0.8

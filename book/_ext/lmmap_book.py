@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 from pathlib import Path
 
@@ -48,15 +49,29 @@ def load_plotly(app, pagename, templatename, context, doctree) -> None:
         app.add_js_file("plotly.min.js")
 
 
-def copy_plotly(app, exception) -> None:
-    """Ship the plotly.js of the installed wheel with the pages."""
-    if exception is None and app.builder.format == "html":
-        source = Path(plotly.__file__).parent / "package_data" / "plotly.min.js"
-        shutil.copyfile(source, Path(app.outdir) / "_static" / "plotly.min.js")
+def prepare_static(app) -> None:
+    """Ship the plotly.js of the installed wheel with the pages.
+
+    Pages name static files by checksum if they are there: so plotly.js must be there from the start, and
+    myst-nb's style sheet, which comes last, must not be left from an earlier build.
+    """
+    if app.builder.format == "html":
+        static = Path(app.outdir) / "_static"
+        static.mkdir(parents=True, exist_ok=True)
+        for old in static.glob("mystnb.*.css"):
+            old.unlink()
+        shutil.copy(Path(plotly.__file__).parent / "package_data" / "plotly.min.js", static)
+
+
+def escape_mathematics(app, what, name, obj, options, lines) -> None:
+    """Docstrings write |x| and a * b; reStructuredText would read substitutions and emphasis."""
+    literal_or_sign = re.compile(r"(``.*?``)|[|*]")
+    lines[:] = [literal_or_sign.sub(lambda m: m[1] or "\\" + m[0], line) for line in lines]
 
 
 def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("html-page-context", load_plotly)
-    app.connect("build-finished", copy_plotly)
+    app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
+    app.connect("builder-inited", prepare_static)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

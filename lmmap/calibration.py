@@ -1,0 +1,74 @@
+"""Cameras and ports as files: a dataclass's fields in JSON, or a calibration in YAML.
+
+Both read everything with one error, `InputError`, that names the file, the problem and the remedy.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import MISSING, fields
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+
+class InputError(Exception):
+    """Bad input from outside: the message names the file, the problem and the remedy."""
+
+
+def read_camera(path, cls) -> dict:
+    """Fields of a camera from our JSON, or from an OpenCV or ROS calibration YAML."""
+    expected = "expected our JSON or an OpenCV/ROS calibration YAML"
+    return _read(path, cls, "camera calibration", expected, _yaml_camera)
+
+
+def read_port(path, cls) -> dict:
+    """Fields of a port from our JSON."""
+    return _read(path, cls, "port", "expected a JSON object with the fields of lmmap.Port", None)
+
+
+def write_fields(path, instance) -> None:
+    """Write a dataclass as JSON."""
+    values = {f.name: getattr(instance, f.name) for f in fields(instance)}
+    Path(path).write_text(json.dumps(values, indent=1) + "\n")
+
+
+def _read(path, cls, what: str, expected: str, otherwise) -> dict:
+    path = Path(path)
+    try:
+        text = path.read_text()
+        values = _json(text, cls) if path.suffix == ".json" or otherwise is None else otherwise(text)
+        cls(**values)  # what the class itself refuses is bad input too
+        return values
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError) as error:
+        lines = str(error).strip().splitlines() or [""]
+        raise InputError(f"{path}: not a {what} ({type(error).__name__}: {lines[0]}); {expected}") from None
+
+
+def _json(text: str, cls) -> dict:
+    values = json.loads(text)
+    if not isinstance(values, dict):
+        raise ValueError("expected an object")
+    needed = {f.name for f in fields(cls) if f.default is MISSING}
+    if missing := sorted(needed - set(values)):
+        raise ValueError(f"missing {', '.join(missing)}")
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+
+
+def _yaml_camera(text: str) -> dict:
+    # OpenCV writes '%YAML:1.0' and '!!opencv-matrix', which no YAML parser knows
+    text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
+    y = yaml.safe_load(text)
+    k = np.array(y["camera_matrix"]["data"], float).reshape(3, 3)
+    distortion = y.get("distortion_coefficients", {}).get("data", [])
+    return dict(
+        width_px=int(y["image_width"]),
+        height_px=int(y["image_height"]),
+        fx_px=float(k[0, 0]),
+        fy_px=float(k[1, 1]),
+        cx_px=float(k[0, 2]),
+        cy_px=float(k[1, 2]),
+        distortion=tuple(float(d) for d in distortion) if np.any(distortion) else (),
+    )

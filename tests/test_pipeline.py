@@ -1,0 +1,94 @@
+"""The whole path on the committed recording, with the shipped weights."""
+
+import numpy as np
+import pytest
+
+from lmmap.core import PAPER, Camera, InputError, Status
+from lmmap.filters import Filter
+from lmmap.geometry import circle_ellipse, in_view
+from lmmap.metrics import normal_error_rad, position_error_m
+from lmmap.pipeline import Estimator, estimate, images, true_poses
+from lmmap.recordings import open_recording
+from lmmap.results import DATA
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return open_recording(DATA / "mini" / "test-medium.aedat4")
+
+
+@pytest.fixture(scope="module", params=["rgb", "event"])
+def answers(request, recording):
+    estimator = Estimator(modality=request.param)
+    return estimator, list(estimate(recording, estimator))
+
+
+def test_every_image_is_answered(recording, answers):
+    estimator, found = answers
+    expected = {"rgb": len(recording.frames), "event": len(recording.events) // PAPER.events_per_window}
+    assert len(found) == expected[estimator.modality] > 10
+    for e in found:
+        assert (e.T_cam_port is not None) == (e.status == Status.OK) == (e.rival is not None)
+    assert np.all(np.diff([e.t_us for e in found]) > 0)
+
+
+def test_poses_are_near_the_truth_and_the_printed_formula_is_further(recording, answers):
+    _, found = answers
+    known, truth = true_poses(recording, found)
+    ok = np.array([e.status == Status.OK for e in known])
+    seen = in_view(truth, answers[0].port, recording.camera)
+    assert ok[seen].mean() > 0.7
+    ours = [(e.T_cam_port, e.paper, t) for e, t in zip(known, truth, strict=True) if e.status == Status.OK]
+    position = np.median([position_error_m(a, t) for a, _, t in ours])
+    normal, printed = (np.median([normal_error_rad(p[i], p[2]) for p in ours]) for i in (0, 1))
+    assert position < 0.015
+    assert np.rad2deg(normal) < 2.0
+    assert normal < printed
+
+
+def test_an_answer_does_not_depend_on_those_before(recording, answers):
+    estimator, found = answers
+    t_us, image = list(images(recording, estimator.modality))[7]
+    again = estimator(image, t_us)
+    assert again.status == found[7].status
+    if again.T_cam_port is not None:
+        assert np.array_equal(again.T_cam_port.rotation, found[7].T_cam_port.rotation)
+
+
+def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):
+    estimator = Estimator(modality="rgb")
+    ellipse = circle_ellipse(recording.truth.T_cam_port[0], estimator.port.ring_radius_m, recording.camera)
+    crop = estimator.find_reflectors(recording.frames[0], ellipse)
+    full = estimator.reflector_filter(recording.frames[0])
+    low, high = ellipse.points().min(0).astype(int), ellipse.points().max(0).astype(int)
+    inside = np.s_[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    assert isinstance(estimator.reflector_filter, Filter)
+    assert np.abs(crop[inside] - full[inside]).max() < 1e-5
+
+
+def test_dark_and_noise_have_no_ring(rng):
+    for modality, dark in (
+        ("rgb", np.zeros((260, 346, 3), np.uint8)),
+        ("event", np.zeros((260, 346), np.uint16)),
+    ):
+        estimator = Estimator(modality=modality)
+        assert estimator(dark).status == Status.NO_RING
+        noise = rng.integers(0, 3, dark.shape).astype(dark.dtype)
+        assert estimator(noise).status != Status.OK
+
+
+def test_rate_takes_the_last_events_before_each_tick(recording):
+    at = list(images(recording, "event", rate_hz=10.0))
+    assert np.diff([t for t, _ in at]) == pytest.approx(1e5, rel=0.5)
+    assert all(image.sum() == PAPER.events_per_window for _, image in at)
+    frames = [t for t, _ in images(recording, "rgb", rate_hz=10.0)]
+    assert np.diff(frames) == pytest.approx(1e5, rel=0.1)
+
+
+def test_misuse():
+    with pytest.raises(ValueError, match="modality"):
+        Estimator(modality="lidar")
+    with pytest.raises(ValueError, match="image"):
+        Estimator(Camera(640, 480, 500, 500, 320, 240))(np.zeros((260, 346, 3), np.uint8))
+    with pytest.raises(InputError, match="no readable weights"):
+        Estimator(weights="nowhere")
