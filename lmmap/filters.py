@@ -62,7 +62,7 @@ def encode(images: np.ndarray, modality: str) -> torch.Tensor:
 
     Frames are linear in light: the square root spreads their dark half.  Counts saturate at 8.
     """
-    x = torch.from_numpy(np.ascontiguousarray(images)).float()
+    x = torch.from_numpy(np.array(images, np.float32))  # a copy: recordings are read-only
     if modality == "rgb":
         return (x / 255).sqrt().movedim(-1, 1)
     return (x.clamp(max=8) / 8).unsqueeze(1)

@@ -1,0 +1,62 @@
+"""Random worlds that the tests share."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from lmmap.core import Camera, Ellipse, Port, Pose
+from lmmap.geometry import in_view, rotation_z
+
+CAMERA = Camera.davis346()
+WIDE = Camera(346, 260, 324.0, 320.0, 170.0, 131.0, (-0.35, 0.12, 0.001, -0.0008, 0.02))
+PORT = Port.lm_map()
+
+
+def pose(centre_px, distance_m, tilt_rad, azimuth_rad=0.0, yaw_rad=0.0, camera=CAMERA) -> Pose:
+    """Port centred on a pixel, its normal tilted from the line of sight toward an azimuth."""
+    x, y = (np.asarray(centre_px) - camera.K[:2, 2]) / np.diag(camera.K)[:2]
+    back = -np.array([x, y, 1.0]) / np.sqrt(x * x + y * y + 1)
+    right = np.cross(back, [0, 1, 0])
+    right = right / np.linalg.norm(right)
+    side = np.cos(azimuth_rad) * right + np.sin(azimuth_rad) * np.cross(back, right)
+    n = np.cos(tilt_rad) * back + np.sin(tilt_rad) * side
+    x_axis = np.cross([0, 1, 0], n)
+    x_axis = x_axis / np.linalg.norm(x_axis)
+    rotation = np.stack([x_axis, np.cross(n, x_axis), n], 1) @ rotation_z(yaw_rad)
+    return Pose(rotation, -distance_m * back)
+
+
+def visible_poses(min_tilt_deg=0.0, max_tilt_deg=65.0, max_distance_m=1.2):
+    """Poses with the whole ring in the DAVIS' view."""
+    return st.builds(
+        lambda u, v, z, tilt, azimuth, yaw: pose((u, v), z, np.deg2rad(tilt), azimuth, yaw),
+        st.floats(60, 286), st.floats(60, 200), st.floats(0.3, max_distance_m),
+        st.floats(min_tilt_deg, max_tilt_deg), st.floats(0, 2 * np.pi), st.floats(0, 2 * np.pi),
+    ).filter(lambda T: in_view(T, PORT, CAMERA))  # fmt: skip
+
+
+def ellipses(min_ratio=0.3, max_ratio=1.0):
+    return st.builds(
+        lambda u, v, a, ratio, angle: Ellipse([u, v], [a, a * ratio], angle),
+        st.floats(80, 260), st.floats(60, 200), st.floats(20, 90),
+        st.floats(min_ratio, max_ratio), st.floats(0, np.pi, exclude_max=True),
+    )  # fmt: skip
+
+
+def rotations():
+    angle = st.floats(-np.pi, np.pi)
+    return st.tuples(angle, angle, angle).map(_rotation)
+
+
+def rigid_poses():
+    metre = st.floats(-2, 2)
+    return st.builds(lambda R, x, y, z: Pose(R, [x, y, z]), rotations(), metre, metre, metre)
+
+
+def _rotation(angles):
+    a, b, c = angles
+    tilt = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    return rotation_z(a) @ tilt @ rotation_z(c)
+
+
+def seeds():
+    return st.integers(0, 2**32 - 1)

@@ -1,0 +1,218 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import CAMERA, PORT, ellipses, pose, seeds
+
+from lmmap import circle, ellipse, geometry
+from lmmap.core import PAPER, Ellipse
+
+ANY_ARC = replace(PAPER, min_arc_coverage=0.25)
+
+
+def arc(e: Ellipse, rng, count=300, share=1.0, noise_px=0.0):
+    """Random points of an ellipse's arc, with isotropic noise."""
+    start = rng.integers(3600)
+    picked = (start + rng.integers(0, int(3600 * share), count)) % 3600
+    return e.points(3600)[picked] + noise_px * rng.standard_normal((count, 2))
+
+
+def close(found, e: Ellipse) -> bool:
+    return (
+        found is not None
+        and np.linalg.norm(found.centre_px - e.centre_px) < 2
+        and np.all(np.abs(found.semi_axes_px / e.semi_axes_px - 1) < 0.03)
+    )
+
+
+def success(ransac, share, outliers, trials, settings=ANY_ARC):
+    rng = np.random.default_rng(1)
+    hits = 0
+    for _ in range(trials):
+        a = rng.uniform(30, 90)
+        e = Ellipse(rng.uniform([100, 90], [246, 170]), [a, a * rng.uniform(0.35, 1)], rng.uniform(0, np.pi))
+        clutter = rng.uniform([0, 0], CAMERA.size_px, (int(500 * outliers), 2))
+        points = np.concatenate([arc(e, rng, 500 - len(clutter), share, 0.5), clutter])
+        hits += close(ransac(points, rng, settings)[0], e)
+    return hits / trials
+
+
+@given(ellipses(max_ratio=0.97), seeds())
+def test_points_of_an_ellipse_give_it_back(e, seed):
+    found = ellipse.fit(arc(e, np.random.default_rng(seed), 40))
+    np.testing.assert_allclose(found.centre_px, e.centre_px, atol=1e-6)
+    np.testing.assert_allclose(found.semi_axes_px, e.semi_axes_px, atol=1e-6)
+
+
+@given(ellipses(), seeds(), st.floats(-np.pi, np.pi), st.floats(0.2, 5), st.floats(-500, 500))
+def test_fits_move_turn_and_scale_with_their_points(e, seed, turn, scale, shift):
+    points = arc(e, np.random.default_rng(seed), 100, noise_px=0.5)
+    R = geometry.rotation_z(turn)[:2, :2]
+    before, after = ellipse.fit(points), ellipse.fit(scale * points @ R.T + shift)
+    np.testing.assert_allclose(after.centre_px, scale * R @ before.centre_px + shift, atol=1e-4)
+    np.testing.assert_allclose(after.semi_axes_px, scale * before.semi_axes_px, rtol=1e-5)
+
+
+def test_the_fit_has_the_least_geometric_distance_of_all_nearby():
+    rng = np.random.default_rng(3)
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = arc(e, rng, 200, 0.6, 0.7)
+    found = ellipse.fit(points)
+
+    def cost(candidate):
+        contour = candidate.points(20_000)
+        return sum(np.min(np.sum((contour - p) ** 2, 1)) for p in points)
+
+    best = cost(found)
+    values = np.array([*found.centre_px, *found.semi_axes_px, found.angle_rad])
+    for k, step in enumerate([0.3, 0.3, 0.3, 0.3, 0.01]):
+        for sign in (-1, 1):
+            moved = values + sign * step * np.eye(5)[k]
+            assert cost(Ellipse(moved[:2], moved[2:4], moved[4])) > best
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((4, 2)),
+        np.ones((10, 2)),
+        np.column_stack([np.arange(10.0), np.arange(10.0)]),
+        np.full((10, 2), np.nan),
+        np.zeros((10, 3)),
+    ],
+    ids=["four", "one point", "line", "nan", "3-d"],
+)
+def test_points_without_an_ellipse_are_refused(points):
+    with pytest.raises(ValueError, match="points_px: expected"):
+        ellipse.fit(points)
+
+
+def test_ransac_finds_whole_and_partial_rings_among_clutter():
+    assert success(ellipse.fit_ransac, share=1.0, outliers=0.2, trials=20) == 1
+    assert success(ellipse.fit_ransac, share=0.7, outliers=0.4, trials=40) >= 0.97
+    assert success(ellipse.fit_ransac, share=0.5, outliers=0.4, trials=60) >= 0.85
+
+
+def test_ransac_beats_the_papers_loop_on_half_arcs():
+    settings = replace(ANY_ARC, ransac_hypotheses=250)
+    ours = success(ellipse.fit_ransac, 0.5, 0.5, 40, settings)
+    assert ours >= success(ellipse.paper_ransac, 0.5, 0.5, 40, settings) + 0.15
+
+
+def test_the_papers_loop_finds_whole_rings():
+    assert success(ellipse.paper_ransac, 1.0, 0.2, 5, replace(ANY_ARC, ransac_hypotheses=150)) == 1
+
+
+def test_inliers_are_the_points_near_the_ellipse():
+    rng = np.random.default_rng(0)
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = np.concatenate([arc(e, rng, 200, noise_px=0.3), rng.uniform(0, 20, (50, 2))])
+    for ransac in (ellipse.fit_ransac, ellipse.paper_ransac):
+        found, inliers = ransac(points, np.random.default_rng(1))
+        assert inliers.tolist() == [True] * 200 + [False] * 50
+        assert close(found, e)
+
+
+def test_the_same_seed_gives_the_same_ellipse():
+    points = arc(Ellipse([150, 120], [60, 35], 0.5), np.random.default_rng(0), 300, noise_px=1)
+    one, two = (ellipse.fit_ransac(points, np.random.default_rng(5))[0] for _ in range(2))
+    np.testing.assert_array_equal(one.points(), two.points())
+
+
+def nowhere(rng):
+    line = np.column_stack([np.arange(200.0), 3 + 0.5 * np.arange(200.0)])
+    grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), -1).reshape(-1, 2)
+    yield from (np.empty((0, 2)), np.ones((4, 2)), np.ones((50, 2)), line, grid[:6])
+    yield rng.uniform(0, 250, (300, 2))
+
+
+@pytest.mark.parametrize("points", list(nowhere(np.random.default_rng(0))))
+@pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
+def test_where_there_is_no_ellipse_the_answer_is_quiet(ransac, points):
+    settings = replace(PAPER, ransac_hypotheses=100)
+    found, inliers = ransac(points, np.random.default_rng(0), settings)
+    assert inliers.shape == (len(points),)
+    assert inliers.dtype == bool
+    assert found is None or ransac is ellipse.paper_ransac  # the paper has no gate on arc coverage
+
+
+def test_gates_refuse_small_flat_and_short():
+    rng = np.random.default_rng(0)
+    small, flat = Ellipse([100, 100], [8, 7], 0), Ellipse([100, 100], [60, 10], 0)
+    whole = Ellipse([100, 100], [60, 40], 0)
+    for points in (arc(small, rng), arc(flat, rng), arc(whole, rng, share=0.3)):
+        assert ellipse.fit_ransac(points, np.random.default_rng(0))[0] is None
+    assert ellipse.fit_ransac(arc(whole, rng), np.random.default_rng(0))[0] is not None
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
+def test_arc_coverage_is_the_share_of_the_arc(share):
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = e.points(7200)[: int(7200 * share)]
+    assert ellipse.arc_coverage(e, points) == pytest.approx(share, abs=1 / 72)
+    assert ellipse.arc_coverage(e, np.empty((0, 2))) == 0
+
+
+def mask_of(T, rng, blur_px=0.8, noise=0.03):
+    mask = cv2.GaussianBlur(geometry.ideal_masks(T, PORT, CAMERA)[0], (0, 0), blur_px)
+    return (mask + noise * rng.standard_normal(mask.shape)).clip(0, 1).astype(np.float32)
+
+
+def pose_error(e, T):
+    solved = circle.poses(e, CAMERA, PORT.ring_radius_m)
+    cosine = solved.normal @ T.normal
+    position = np.linalg.norm(solved.position_m - T.position_m, axis=-1)
+    return np.rad2deg(np.arccos(cosine.max().clip(-1, 1))), 1e3 * position[cosine.argmax()]
+
+
+TILTED = [pose((170, 120), z, np.deg2rad(t), a) for z, t, a in [(0.35, 20, 1), (0.5, 40, 3), (0.7, 55, 5), (0.9, 30, 0)]]
+
+
+def test_refinement_on_the_mask_is_sub_pixel_and_better_than_the_skeleton():
+    rng = np.random.default_rng(0)
+    errors = []
+    for T in TILTED:
+        mask = mask_of(T, rng)
+        coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+        fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
+        errors.append((pose_error(fine, T), pose_error(coarse, T)))
+    fine, coarse = np.moveaxis(errors, 1, 0)
+    assert np.all(fine < [0.12, 2.0])  # deg, mm
+    assert np.all(np.mean(fine**2, 0) < np.mean(coarse**2, 0) / 4)
+
+
+@pytest.mark.parametrize("T", TILTED[:3])
+def test_refinement_bears_a_missing_arc_and_a_second_blob(T):
+    rng = np.random.default_rng(0)
+    mask = mask_of(T, rng)
+    contour = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(8)
+    u, v = np.round(contour[0]).astype(int)
+    mask[v - 12 : v + 12, u - 12 : u + 12] = 0
+    u, v = np.round(contour[4] * 0.8 + T_centre(T) * 0.2).astype(int)
+    mask[v - 5 : v + 5, u - 5 : u + 5] = 1
+    coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+    fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
+    assert pose_error(fine, T)[0] < 0.4
+
+
+def T_centre(T):
+    return geometry.project(T.position_m, CAMERA)
+
+
+def test_without_a_stroke_the_ellipse_comes_back_as_it_was():
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    for mask in (np.zeros((260, 346)), np.ones((260, 346))):
+        assert ellipse.refine_on_mask(e, mask, 10.0) is e
+
+
+def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
+    T = pose((170, 120), 0.6, 0.5)
+    points = ellipse.skeleton_points(mask_of(T, np.random.default_rng(0)))
+    e = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    distance = np.min(np.linalg.norm(points[:, None] - e.points(2000), axis=-1), 1)
+    assert distance.mean() < 0.6
+    assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
+    assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import seeds
+
+from lmmap.core import EVENT
+from lmmap.events import histogram, windows, windows_before
+
+
+@given(seeds(), st.integers(0, 3000), st.integers(1, 60), st.integers(1, 60))
+def test_a_histogram_counts_every_event_where_it_happened(seed, count, width, height):
+    rng = np.random.default_rng(seed)
+    x, y = rng.integers(0, width, count).astype("i2"), rng.integers(0, height, count).astype("i2")
+    counts = histogram(x, y, (width, height))
+    assert counts.shape == (height, width)
+    assert counts.dtype == np.uint16
+    assert counts.sum() == count
+    slow = np.zeros((height, width), int)
+    np.add.at(slow, (y, x), 1)
+    np.testing.assert_array_equal(counts, slow)
+
+
+def test_large_coordinates_do_not_overflow_the_index():
+    # 300 * 500 is beyond int16, in which cameras store coordinates
+    assert histogram(np.array([499], "i2"), np.array([299], "i2"), (500, 300))[299, 499] == 1
+
+
+def test_counts_saturate_instead_of_wrapping():
+    zero = np.zeros(70_000, int)
+    assert histogram(zero, zero, (1, 1))[0, 0] == 65_535
+
+
+@pytest.mark.parametrize(("x", "y", "name"), [(-1, 0, "x"), (346, 0, "x"), (0, -1, "y"), (0, 260, "y")])
+def test_coordinates_outside_the_image_are_refused(x, y, name):
+    with pytest.raises(ValueError, match=f"^{name}: expected"):
+        histogram(np.array([0, x]), np.array([0, y]), (346, 260))
+
+
+@given(st.integers(0, 500), st.integers(1, 90))
+def test_windows_are_full_consecutive_and_drop_only_the_tail(length, count):
+    slices = windows(np.zeros(length, EVENT), count)
+    covered = [i for s in slices for i in range(s.start, s.stop)]
+    assert all(s.stop - s.start == count for s in slices)
+    assert covered == list(range(count * len(slices)))
+    assert 0 <= length - len(covered) < count
+
+
+def test_windows_before_end_strictly_before_their_time():
+    events = np.zeros(6, EVENT)
+    events["t_us"] = [0, 10, 10, 20, 30, 40]
+    assert windows_before(events, [5, 10, 11, 41], 2) == [None, None, slice(1, 3), slice(4, 6)]
+    assert windows_before(events[:0], [5], 2) == [None]
+
+
+@pytest.mark.parametrize("count", [0, -3])
+def test_windows_need_an_event(count):
+    with pytest.raises(ValueError, match="count: expected at least 1"):
+        windows(np.zeros(5, EVENT), count)
+    with pytest.raises(ValueError, match="count: expected at least 1"):
+        windows_before(np.zeros(5, EVENT), [1], count)

@@ -1,0 +1,130 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import CAMERA, PORT, WIDE, pose, visible_poses
+
+from lmmap import circle, geometry, yaw
+from lmmap.core import PAPER, Pose
+
+both = pytest.mark.parametrize("find", [yaw.fast_yaw, yaw.paper_yaw], ids=["fast", "paper"])
+
+
+def candidates(T, camera=CAMERA):
+    e = geometry.circle_ellipse(T, PORT.ring_radius_m, camera)
+    return circle.poses(e, camera, PORT.ring_radius_m)
+
+
+def mask_of(T, camera=CAMERA, noise=0.05, seed=0):
+    rng = np.random.default_rng(seed)
+    mask = cv2.GaussianBlur(geometry.ideal_masks(T, PORT, camera, 3)[1], (0, 0), 0.7)
+    return (mask + noise * rng.standard_normal(mask.shape)).clip(0, 1).astype(np.float32)
+
+
+def error_deg(T, truth):
+    return np.rad2deg(geometry.rotation_between_rad(T.rotation, truth.rotation, PORT.yaw_period_rad))
+
+
+def spread(count, min_tilt_deg, max_tilt_deg, max_distance_m=0.8):
+    """Poses spread over tilt, azimuth and yaw."""
+    rng = np.random.default_rng(7)
+    for _ in range(count):
+        tilt = np.deg2rad(rng.uniform(min_tilt_deg, max_tilt_deg))
+        centre, distance = rng.uniform([110, 90], [236, 170]), rng.uniform(0.4, max_distance_m)
+        yield pose(centre, distance, tilt, *rng.uniform(0, 2 * np.pi, 2))
+
+
+def test_the_fast_search_picks_the_normal_and_a_fraction_of_a_degree():
+    fits = [(yaw.fast_yaw(mask_of(T), candidates(T), PORT, CAMERA), T) for T in spread(25, 8, 55)]
+    errors = [error_deg(f.T_cam_port, T) for f, T in fits]
+    assert np.percentile(errors, 95) < 0.25
+    assert all(f.score > 0.7 for f, _ in fits)
+    assert all(f.score > f.rival_score for f, _ in fits)
+
+
+def test_the_papers_grid_is_as_good_as_its_step():
+    errors = [error_deg(yaw.paper_yaw(mask_of(T), candidates(T), PORT, CAMERA).T_cam_port, T) for T in spread(15, 10, 50)]
+    assert np.median(errors) < 1.0
+    assert np.max(errors) < 3.5
+
+
+@both
+@settings(max_examples=15)
+@given(T=visible_poses(min_tilt_deg=10, max_tilt_deg=50, max_distance_m=0.8), turn=st.integers(0, 5))
+def test_a_third_of_a_turn_changes_nothing(find, T, turn):
+    turned = Pose(T.rotation @ geometry.rotation_z(turn * PORT.yaw_period_rad), T.position_m)
+    mask, pair = mask_of(T, noise=0), candidates(T)
+    one, two = find(mask, pair, PORT, CAMERA), find(mask_of(turned, noise=0), pair, PORT, CAMERA)
+    assert error_deg(one.T_cam_port, two.T_cam_port) < 1e-6
+    assert one.score == pytest.approx(two.score, abs=1e-4)
+
+
+@settings(max_examples=15)
+@given(visible_poses(min_tilt_deg=10, max_tilt_deg=50, max_distance_m=0.8), st.floats(0, 2 * np.pi))
+def test_the_candidates_own_yaw_does_not_matter(T, start):
+    mask, pair = mask_of(T), candidates(T)
+    turned = Pose(pair.rotation @ geometry.rotation_z(start), pair.position_m)
+    one, two = (yaw.fast_yaw(mask, c, PORT, CAMERA) for c in (pair, turned))
+    assert error_deg(one.T_cam_port, two.T_cam_port) < 0.25
+
+
+@both
+def test_position_and_normal_are_those_of_the_candidates(find):
+    T = pose((170, 120), 0.6, 0.5, 1.0, 2.0)
+    pair = candidates(T)
+    fit = find(mask_of(T), pair, PORT, CAMERA)
+    best = int(np.argmax(pair.normal @ T.normal))
+    for found, k in ((fit.T_cam_port, best), (fit.rival, 1 - best)):
+        np.testing.assert_allclose(found.position_m, pair.position_m[k])
+        np.testing.assert_allclose(found.normal, pair.normal[k], atol=1e-12)
+
+
+@both
+def test_a_perfect_mask_scores_nearly_one(find):
+    T = pose((170, 120), 0.4, 0.5, 1.0, 2.0)
+    fit = find(geometry.ideal_masks(T, PORT, CAMERA)[1], candidates(T), PORT, CAMERA)
+    assert 0.9 < fit.score <= 1
+    assert fit.rival_score < 0.6
+
+
+@both
+def test_lens_distortion_is_taken_into_account(find):
+    T = pose((230, 160), 0.45, 0.5, 1.0, 2.0)
+    fit = find(mask_of(T, WIDE), candidates(T, WIDE), PORT, WIDE)
+    assert error_deg(fit.T_cam_port, T) < 1.5
+    assert fit.score > 0.6
+
+
+@both
+def test_an_empty_mask_scores_nothing(find):
+    fit = find(np.zeros((260, 346), np.float32), candidates(pose((170, 120), 0.6, 0.5)), PORT, CAMERA)
+    assert fit.score == fit.rival_score == 0
+
+
+@both
+def test_markers_outside_the_image_and_behind_the_camera_score_nothing(find):
+    T = pose((170, 120), 0.6, 0.5)
+    ones = np.ones((260, 346), np.float32)
+    aside = Pose(np.stack([T.rotation] * 2), [[5, 0, 0.6], [0, -5, 0.6]])
+    behind = Pose(np.stack([T.rotation] * 2), [[0, 0, -0.6], [0, 0, -0.6]])
+    for pair in (aside, behind):
+        assert find(ones, pair, PORT, CAMERA).score == 0
+
+
+def test_one_normal_behind_the_camera_does_not_spoil_the_other():
+    T = pose((170, 120), 0.6, 0.5, 1.0, 2.0)
+    pair = Pose(np.stack([T.rotation] * 2), np.stack([-T.position_m, T.position_m]))
+    for find in (yaw.fast_yaw, yaw.paper_yaw):
+        fit = find(mask_of(T), pair, PORT, CAMERA)
+        assert error_deg(fit.T_cam_port, T) < 1.5
+        assert fit.rival_score == 0
+
+
+@both
+def test_misuse_is_named(find):
+    pair = candidates(pose((170, 120), 0.6, 0.5))
+    with pytest.raises(ValueError, match="reflector_mask: expected shape"):
+        find(np.zeros((100, 100), np.float32), pair, PORT, CAMERA, PAPER)
+    with pytest.raises(ValueError, match="T_cam_port: expected two poses"):
+        find(np.zeros((260, 346), np.float32), pair[0], PORT, CAMERA, PAPER)
