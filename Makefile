@@ -4,7 +4,7 @@ SHELL := bash
 .DEFAULT_GOAL := help
 
 PYTHON ?= python3
-PROFILE ?= quick
+export PROFILE ?= quick
 PORT ?= 8000
 
 # The same bytes from every run: a fixed build date, hash seed and number of BLAS threads.
@@ -30,7 +30,7 @@ env: $(STAMP)  ## make .venv from environment.txt
 
 $(STAMP): environment.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
-	  echo "lmmap needs Python 3.11, 3.12 or 3.13, and '$(PYTHON)' is $$($(PYTHON) --version 2>&1 || true)."; \
+	  echo "lmmap needs Python 3.11, 3.12 or 3.13, and '$(PYTHON)' is $$($(PYTHON) --version 2>/dev/null || echo absent)."; \
 	  echo "Name another one: make $(or $(MAKECMDGOALS),env) PYTHON=python3.12"; exit 1; }
 	@echo "env: making .venv with $$($(PYTHON) --version)"
 	@$(PYTHON) -m venv .venv || { echo "env: '$(PYTHON) -m venv' failed; on Debian, install python3-venv."; exit 1; }
@@ -43,10 +43,7 @@ $(STAMP): environment.txt pyproject.toml
 	@touch $@
 	@echo "env: ready"
 
-reproduce: env  ## simulate, estimate, make all tables and figures, build the book
-	@echo "reproduce: results, profile $(PROFILE)"
-	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
-	@$(MAKE) --no-print-directory book
+reproduce: book  ## simulate, estimate, make all tables and figures, build the book
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
 
 test: env  ## run the tests
@@ -57,7 +54,9 @@ lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
 
-book: env  ## build the book from the results there are; warnings are errors
+book: env  ## build the book, making the results that are absent or old; warnings are errors
+	@echo "book: results, profile $(PROFILE)"
+	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
 	@echo "book: building; chapters run only when they, the module or the data changed"
 	@$(BIN)/jupyter-book build . -W --keep-going --quiet
 	@echo "book: _build/html/index.html"

@@ -14,6 +14,8 @@ from .geometry import circle_points_m, project
 COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "truth": "#009E73", "paper": "#CC79A7", "ours": "#56B4E9",
           "rival": "#E69F00", "ink": "#8A8A8A"}  # fmt: skip
 
+LINES = ("rgb", "event", "truth", "paper", "rival")
+
 
 def use_style() -> None:
     """Transparent figures with grey ink, so that light and dark pages can both carry them."""
@@ -25,7 +27,7 @@ def use_style() -> None:
         "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
         "axes.grid": True, "grid.alpha": 0.25, "grid.color": ink, "axes.spines.top": False,
         "axes.spines.right": False, "legend.frameon": False, "image.cmap": "gray", "svg.hashsalt": "lmmap",
-        "axes.prop_cycle": cycler.cycler(color=[COLOUR[k] for k in ("rgb", "event", "truth", "paper", "rival")]),
+        "axes.prop_cycle": cycler.cycler(color=[COLOUR[k] for k in LINES]),
     })  # fmt: skip
 
 

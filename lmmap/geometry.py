@@ -176,19 +176,33 @@ def on_plane(points_px, T_cam_port: Pose, height_m: float, camera: Camera) -> np
 
 
 def ideal_masks(T_cam_port: Pose, port: Port, camera: Camera, samples: int = 4) -> np.ndarray:
-    """Share of each pixel that ring and markers cover when nothing hides them, (2, H, W) f32."""
+    """Share of each pixel that ring and markers cover when nothing hides them, (2, H, W) f32.
+
+    Each pixel is the mean of ``samples`` x ``samples`` lines of sight.
+    """
+    outline = np.concatenate([circle_points_m(port.ring_outer_radius_m), *port.marker_corners_m()])
+    points = project(T_cam_port @ outline, camera)
+    if np.isnan(points).any():  # partly behind the camera: no bounding box
+        points = np.array([[0, 0], camera.size_px])
+    low = (np.floor(points.min(0)).astype(int) - 1).clip(0, camera.size_px)
+    high = (np.ceil(points.max(0)).astype(int) + 2).clip(low, camera.size_px)
+
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
-    u, v = (np.add.outer(np.arange(n), offsets).ravel() for n in camera.size_px)
+    u, v = (np.add.outer(np.arange(a, b), offsets).ravel() for a, b in zip(low, high, strict=True))
     pixels = np.stack(np.meshgrid(u, v), -1)
     radius = np.linalg.norm(on_plane(pixels, T_cam_port, 0.0, camera), axis=-1)
     ring = (radius >= port.ring_inner_radius_m) & (radius <= port.ring_outer_radius_m)
+
     xy = on_plane(pixels, T_cam_port, port.plate_height_m, camera)
     half = port.yaw_period_rad / 2
     angle = (np.arctan2(xy[..., 1], xy[..., 0]) + half) % port.yaw_period_rad - half  # into one sector
     distance = np.linalg.norm(xy, axis=-1)
     tangential, radial = np.array(port.marker_size_m) / 2
-    markers = (np.abs(distance * np.cos(angle) - port.marker_radius_m) <= radial) & (
-        np.abs(distance * np.sin(angle)) <= tangential
-    )
-    blocks = np.stack([ring, markers]).reshape(2, camera.height_px, samples, camera.width_px, samples)
-    return blocks.mean((2, 4), dtype=np.float32)
+    in_depth = np.abs(distance * np.cos(angle) - port.marker_radius_m) <= radial
+    markers = in_depth & (np.abs(distance * np.sin(angle)) <= tangential)
+
+    width, height = high - low
+    blocks = np.stack([ring, markers]).reshape(2, height, samples, width, samples)
+    masks = np.zeros((2, camera.height_px, camera.width_px), np.float32)
+    masks[:, low[1] : high[1], low[0] : high[0]] = blocks.mean((2, 4))
+    return masks

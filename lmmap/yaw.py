@@ -86,9 +86,15 @@ def fast_yaw(
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1), 0)
     poses = _turned(T_cam_port, (peak + offset) * (angles[1] - angles[0]))
 
-    mean = _sample(mask, _project_markers(poses, _marker_points_m(port), camera)).mean((1, 2))
+    mean = marker_score(mask, poses, port, camera)
     area = _area_px(_project_markers(poses, port.marker_corners_m(), camera))
     return _fit(poses, mean * np.sqrt(area), mean)
+
+
+def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
+    """Mean of the mask (H, W) inside the projected markers of poses (N,), shape (N,)."""
+    mask = np.ascontiguousarray(reflector_mask, np.float32)
+    return _sample(mask, _project_markers(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
 
 
 def _turned(T: Pose, yaw_rad) -> Pose:

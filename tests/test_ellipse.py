@@ -168,7 +168,10 @@ def pose_error(e, T):
     return np.rad2deg(np.arccos(cosine.max().clip(-1, 1))), 1e3 * position[cosine.argmax()]
 
 
-TILTED = [pose((170, 120), z, np.deg2rad(t), a) for z, t, a in [(0.35, 20, 1), (0.5, 40, 3), (0.7, 55, 5), (0.9, 30, 0)]]
+TILTED = [
+    pose((170, 120), z, np.deg2rad(t), a)
+    for z, t, a in [(0.35, 20, 1), (0.5, 40, 3), (0.7, 55, 5), (0.9, 30, 0)]
+]
 
 
 def test_refinement_on_the_mask_is_sub_pixel_and_better_than_the_skeleton():

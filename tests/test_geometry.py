@@ -52,7 +52,9 @@ def test_points_of_an_ellipse_lie_on_its_conic(ellipse):
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", x, C, x), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("C", [np.diag([1.0, -1, -1]), np.diag([1.0, 1, 1]), np.diag([1.0, 0, -1]), np.zeros((3, 3))])
+@pytest.mark.parametrize(
+    "C", [np.diag([1.0, -1, -1]), np.diag([1.0, 1, 1]), np.diag([1.0, 0, -1]), np.zeros((3, 3))]
+)
 def test_hyperbolas_imaginary_ellipses_and_lines_are_no_ellipses(C):
     ellipse, real = geometry.ellipse_from_conic(C)
     assert not real
@@ -125,3 +127,13 @@ def test_circles_become_ellipses_of_the_known_size_on_the_axis():
     np.testing.assert_allclose(ellipse.semi_axes_px, 324 * 0.08 / 0.6)
     np.testing.assert_allclose(ellipse.centre_px, [172.5, 129.5])
     assert isinstance(ellipse, Ellipse)
+
+
+@pytest.mark.parametrize(
+    "position", [[5, 0, 0.6], [0, 0, -0.6], [0, 0, 0.02]], ids=["aside", "behind", "around"]
+)
+def test_masks_of_a_port_out_of_view_are_empty_or_finite(position):
+    masks = geometry.ideal_masks(Pose(pose((172.5, 129.5), 0.6, 0.3).rotation, position), PORT, CAMERA, 1)
+    assert np.all(np.isfinite(masks))
+    assert masks.shape == (2, 260, 346)
+    assert position[2] == 0.02 or masks.sum() == 0

@@ -18,7 +18,9 @@ def test_errors_do_not_depend_on_the_camera_frame(T, R, shift):
     for error in (metrics.position_error_m, metrics.normal_error_rad):
         np.testing.assert_allclose(error(world @ T, world @ other), error(T, other), atol=1e-7)
     before = metrics.rotation_error_rad(T, other, PERIOD)
-    np.testing.assert_allclose(metrics.rotation_error_rad(world @ T, world @ other, PERIOD), before, atol=1e-7)
+    np.testing.assert_allclose(
+        metrics.rotation_error_rad(world @ T, world @ other, PERIOD), before, atol=1e-7
+    )
 
 
 @given(rigid_poses(), rotations())
@@ -127,7 +129,7 @@ def test_a_turn_between_two_poses_is_a_rotation_error():
 def test_relative_errors_ignore_a_similarity(world, scale):
     moved = Pose(np.broadcast_to(world.rotation, (20, 3, 3)), scale * (world @ ZIGZAG))
     estimate = Trajectory(np.arange(20) * 100_000, moved.inverse)
-    for error in metrics.relative_errors(estimate, trajectory(ZIGZAG), [0.2, 1.0]):
+    for error in metrics.relative_errors(estimate, trajectory(ZIGZAG), [0.3, 1.0]):
         assert len(error.translation_m) > 5
         np.testing.assert_allclose(error.translation_m, 0, atol=1e-9)
         np.testing.assert_allclose(error.rotation_rad, 0, atol=1e-6)

@@ -44,7 +44,10 @@ def test_the_fast_search_picks_the_normal_and_a_fraction_of_a_degree():
 
 
 def test_the_papers_grid_is_as_good_as_its_step():
-    errors = [error_deg(yaw.paper_yaw(mask_of(T), candidates(T), PORT, CAMERA).T_cam_port, T) for T in spread(15, 10, 50)]
+    errors = [
+        error_deg(yaw.paper_yaw(mask_of(T), candidates(T), PORT, CAMERA).T_cam_port, T)
+        for T in spread(15, 10, 50)
+    ]
     assert np.median(errors) < 1.0
     assert np.max(errors) < 3.5
 
@@ -128,3 +131,13 @@ def test_misuse_is_named(find):
         find(np.zeros((100, 100), np.float32), pair, PORT, CAMERA, PAPER)
     with pytest.raises(ValueError, match="T_cam_port: expected two poses"):
         find(np.zeros((260, 346), np.float32), pair[0], PORT, CAMERA, PAPER)
+
+
+def test_the_score_is_the_share_of_the_markers_that_is_lit():
+    T = pose((170, 120), 0.4, 0.5, 1.0, 2.0)
+    mask = geometry.ideal_masks(T, PORT, CAMERA)[1]
+    one_marker = geometry.project(T @ PORT.marker_corners_m()[0], CAMERA)
+    dark = cv2.fillConvexPoly(mask.copy(), np.round(one_marker).astype(np.int32), 0)
+    batch = Pose(T.rotation[None], T.position_m[None])
+    full, partly = (yaw.marker_score(m, batch, PORT, CAMERA)[0] for m in (mask, dark))
+    assert partly / full == pytest.approx(2 / 3, abs=0.05)
