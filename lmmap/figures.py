@@ -9,6 +9,7 @@ import numpy as np
 
 from .core import Camera, Ellipse, Estimate, Port, Pose, Recording
 from .geometry import circle_points_m, project
+from .pipeline import Estimator, images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
 COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "truth": "#009E73", "paper": "#CC79A7", "ours": "#56B4E9",
@@ -86,13 +87,27 @@ def draw_estimate(
     ax.set_ylim(camera.height_px - 0.5, -0.5)
 
 
+def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
+    """Image, ring mask with its ellipse, marker mask and pose, a row per modality; and the estimates."""
+    fig, axes = plt.subplots(len(modalities), 4, figsize=(10, 2.05 * len(modalities)), squeeze=False)
+    answers = []
+    for row, modality in zip(axes, modalities, strict=True):
+        estimator = Estimator(recording.camera, modality=modality)
+        t_us, image = list(images(recording, modality))[-3]
+        answers.append(answer := estimator(image, t_us))
+        title = "RGB frame" if modality == "rgb" else f"{image.sum():,} events"
+        show_image(row[0], image, title)
+        show_image(row[1], estimator.ring_filter(image), "ring filter, ellipse")
+        draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
+        show_image(row[2], estimator.find_reflectors(image, answer.ellipse), "reflector filter")
+        draw_estimate(row[3], image, answer, estimator.port, recording.camera)
+        row[3].set_title("pose")
+    return fig, answers
+
+
 def draw_cumulative(ax, values, label: str, colour: str, **style) -> None:
     """Share of values below each value."""
     values = np.sort(np.asarray(values)[np.isfinite(values)])
     ax.plot(
         values, 100 * (np.arange(len(values)) + 1) / max(len(values), 1), color=colour, label=label, **style
     )
-
-
-def nearest_frame(recording: Recording, t_us: int) -> int:
-    return int(np.argmin(np.abs(recording.frames_t_us - t_us)))

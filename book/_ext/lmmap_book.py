@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 from pathlib import Path
@@ -15,8 +16,8 @@ SOURCES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/
 
 
 def sources_hash(root: Path) -> str:
-    """Hash of names and contents of everything in ``SOURCES`` below ``root``."""
-    digest = hashlib.sha256()
+    """Hash of the profile, and of names and contents of everything in ``SOURCES`` below ``root``."""
+    digest = hashlib.sha256(os.environ.get("PROFILE", "").encode())
     for path in sorted(p for pattern in SOURCES for p in root.glob(pattern) if p.is_file()):
         digest.update(f"{path.relative_to(root)}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
