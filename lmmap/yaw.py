@@ -1,6 +1,6 @@
 """The sixth degree of freedom: which normal, and which yaw, explain the reflector mask.
 
-The markers stand above the ring's plane, so a wrong normal moves them by parallax: that, and not
+The markers stand above the ring's plane, so a wrong normal moves them by parallax: that, more than
 their outline, tells the two circles' poses apart.  The markers are projected in three dimensions.
 """
 

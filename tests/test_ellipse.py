@@ -219,3 +219,18 @@ def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     assert distance.mean() < 0.6
     assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
     assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
+
+
+def test_refinement_leaves_out_where_something_sticks_to_the_stroke():
+    rng, errors = np.random.default_rng(0), []
+    for T in TILTED[:3]:
+        centre, contour = T_centre(T), geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(360)
+        for start in range(0, 360, 72):
+            mask = mask_of(T, rng)
+            stuck = np.round(centre + 0.86 * (contour[start : start + 35] - centre)).astype(int)
+            for u, v in stuck:
+                mask[v - 2 : v + 3, u - 2 : u + 3] = 1
+            truth = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+            fine = ellipse.refine_on_mask(truth, mask, 0.25 * truth.semi_axes_px[0])
+            errors.append(pose_error(fine, T)[0])
+    assert np.sqrt(np.mean(np.square(errors))) < 0.08
