@@ -221,16 +221,18 @@ def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
 
 
-def test_refinement_leaves_out_where_something_sticks_to_the_stroke():
+def test_refinement_recovers_where_something_sticks_to_the_stroke():
+    # a patch along 50 deg of the inner edge leads the skeleton, and the first ellipse, astray
     rng, errors = np.random.default_rng(0), []
     for T in TILTED[:3]:
-        centre, contour = T_centre(T), geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(360)
-        for start in range(0, 360, 72):
+        truth = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+        contour = truth.points(360)
+        for start in range(0, 360, 60):
             mask = mask_of(T, rng)
-            stuck = np.round(centre + 0.86 * (contour[start : start + 35] - centre)).astype(int)
-            for u, v in stuck:
+            stuck = truth.centre_px + 0.86 * (contour[start : start + 50] - truth.centre_px)
+            for u, v in np.round(stuck).astype(int):
                 mask[v - 2 : v + 3, u - 2 : u + 3] = 1
-            truth = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
-            fine = ellipse.refine_on_mask(truth, mask, 0.25 * truth.semi_axes_px[0])
+            coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+            fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
             errors.append(pose_error(fine, T)[0])
-    assert np.sqrt(np.mean(np.square(errors))) < 0.08
+    assert np.mean(np.array(errors) < 0.2) >= 0.85
