@@ -148,5 +148,5 @@ def compare(folder: Path) -> pd.DataFrame:
     keys = ["outlier_filter", "metric", "statistic", "light", "modality"]
     paper = pd.read_csv(DATA / "paper" / "table1.csv").query("training == 'low-domain-gap'")
     ours = pd.read_csv(folder / "summary.csv").pivot_table("value", keys, "formula", dropna=False)
-    ours = ours.rename(columns={"exact": "ours", "paper": "printed_formula"}).reset_index()
+    ours = ours.rename(columns={"exact": "ours", "paper": "printed"}).reset_index()
     return paper.rename(columns={"value": "published"}).drop(columns="training").merge(ours, on=keys)

@@ -28,9 +28,11 @@ EXAMPLES = """examples:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     arguments = _parser().parse_args(argv)
-    warnings.showwarning = lambda message, *_: print(f"lmmap: note: {message}", file=sys.stderr)
     try:
-        arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", UserWarning)
+            warnings.showwarning = lambda text, *_: print(f"lmmap: note: {text}", file=sys.stderr)
+            arguments.run(arguments)
     except InputError as error:
         print(f"lmmap: {error}", file=sys.stderr)
         return 1
@@ -103,7 +105,7 @@ def simulate(a) -> None:
     if a.output.suffix not in writers:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it .aedat4 or .npz")
     _check_folder(a.output)
-    seconds = sequences.sequence(a.sequence).seconds if a.seconds is None else a.seconds
+    seconds = sequences.duration_s(sequences.sequence(a.sequence), a.seconds)
     with tqdm(
         total=seconds, unit="s", desc=a.sequence, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}"
     ) as bar:

@@ -183,6 +183,14 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float) -> Iterato
         yield int(t_us), events, frame
 
 
+def duration_s(seq: Sequence, seconds: float | None) -> float:
+    """The asked length, or the sequence's own; `InputError` if it makes no sense."""
+    seconds = seq.seconds if seconds is None else seconds
+    if not (np.isfinite(seconds) and 0 < seconds <= 3600):
+        raise InputError(f"sequence {seq.name}: cannot last {seconds} s; give --seconds from 0.2 to 3600")
+    return seconds
+
+
 def simulate(name: str, seconds: float | None = None, progress=None) -> Recording:
     """Record a sequence with a DAVIS 346 looking at an LM-MAP; ``progress(seconds_done)``.
 
@@ -192,9 +200,7 @@ def simulate(name: str, seconds: float | None = None, progress=None) -> Recordin
         For an unknown name or a length that is not positive.
     """
     seq, camera, port = sequence(name), Camera.davis346(), Port.lm_map()
-    seconds = seq.seconds if seconds is None else seconds
-    if not (np.isfinite(seconds) and 0 < seconds <= 3600):
-        raise InputError(f"sequence {name}: cannot last {seconds} s; give --seconds between 0.2 and 3600")
+    seconds = duration_s(seq, seconds)
     events, frames, frames_us = [], [], []
     for t_us, some, frame in stream(seq, camera, port, seconds):
         events.append(some)

@@ -71,4 +71,4 @@ def test_compare_has_every_cell_of_the_papers_table(tmp_path):
     table = accuracy.compare(tmp_path)
     assert len(table) == len(paper)
     assert table.ours.tolist() == pytest.approx(table.published.tolist())
-    assert table.printed_formula.tolist() == pytest.approx((2 * table.published).tolist())
+    assert table.printed.tolist() == pytest.approx((2 * table.published).tolist())

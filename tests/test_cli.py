@@ -32,7 +32,7 @@ def test_simulate_info_estimate_evaluate(tmp_path, capsys):
 
     for modality, images in (("rgb", facts["frames"]), ("event", facts["windows"])):
         code, out, _ = run(capsys, "estimate", demo, "--modality", modality, "-o", poses)
-        rows = list(csv.DictReader(poses.open()))
+        rows = list(csv.DictReader(poses.read_text().splitlines()))
         assert code == 0 and f"{images} images" in out
         assert len(rows) == images
         assert set(rows[0]) >= {"t_us", "status", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"}
@@ -127,6 +127,6 @@ def test_real_recording_without_a_port(tmp_path, capsys):
     for modality, images in (("rgb", 13), ("event", 9)):
         poses = tmp_path / f"{modality}.csv"
         assert run(capsys, "estimate", REAL, "--modality", modality, "-o", poses)[0] == 0
-        rows = list(csv.DictReader(poses.open()))
+        rows = list(csv.DictReader(poses.read_text().splitlines()))
         assert len(rows) == images
         assert all(row["status"] != "ok" for row in rows)
