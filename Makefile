@@ -58,7 +58,8 @@ book: env  ## build the book, making the results that are absent or old; warning
 	@echo "book: results, profile $(PROFILE)"
 	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
 	@echo "book: building; chapters run only when they, the module or the data changed"
-	@$(BIN)/jupyter-book build . -W --keep-going --quiet
+	@$(BIN)/jupyter-book build . -W --keep-going --quiet || { rm -rf _build; \
+	  echo "book: failed, see above; _build is gone, or the next build would pass over the page that failed"; exit 1; }
 	@echo "book: _build/html/index.html"
 
 serve: book  ## show the book on http://localhost:8000
