@@ -57,6 +57,7 @@ lint: env  ## ruff, formatting, and the floors (imports run downward only)
 book: env  ## build the book, making the results that are absent or old; warnings are errors
 	@echo "book: results, profile $(PROFILE)"
 	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
+	@$(BIN)/python -c 'import matplotlib.pyplot' 2>/dev/null  # its first import may talk about fonts, in a cell
 	@echo "book: building; chapters run only when they, the module or the data changed"
 	@$(BIN)/jupyter-book build . -W --keep-going --quiet || { rm -rf _build; \
 	  echo "book: failed, see above; _build is gone, or the next build would pass over the page that failed"; exit 1; }
