@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import warnings
+from itertools import product
 from pathlib import Path
 
 from tqdm import tqdm
@@ -79,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("train", train, "train the filters on the bench; an interrupted run goes on")
     sub.add_argument("--filter", choices=FILTERS, help="default: both")
     sub.add_argument("--modality", choices=tuple(CHANNELS), help="default: both")
-    sub.add_argument("--domain-gap", choices=("low", "high"), default="low")
+    sub.add_argument("--domain-gap", choices=accuracy.DOMAIN_GAPS, help="default: both")
     sub.add_argument("--seed", type=int, default=0)
     sub.add_argument("--steps", type=int, default=2000)
 
@@ -187,10 +188,12 @@ def info(a) -> None:
 def train(a) -> None:
     from . import training  # torch's optimisers take a second to import, and only this command needs them
 
-    for name in [a.filter] if a.filter else FILTERS:
-        for modality in [a.modality] if a.modality else CHANNELS:
-            recipe = training.Recipe(name, modality, a.domain_gap, a.seed, a.steps)
-            print(f"{training.train(recipe, DERIVED / 'training')}: written")
+    gaps = [a.domain_gap] if a.domain_gap else accuracy.DOMAIN_GAPS
+    names = [a.filter] if a.filter else FILTERS
+    modalities = [a.modality] if a.modality else CHANNELS
+    for gap, name, modality in product(gaps, names, modalities):
+        recipe = training.Recipe(name, modality, gap, a.seed, a.steps)
+        print(f"{training.train(recipe, DERIVED / 'training')}: written")
 
 
 def reproduce(a) -> None:

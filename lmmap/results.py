@@ -24,10 +24,10 @@ def profile() -> str:
     return os.environ.get("PROFILE", "quick")
 
 
-def fingerprint(*extra: str) -> str:
-    """Hash of all that results depend on: the module, the shipped weights, the environment's pins."""
+def fingerprint(*extra: str, patterns=("lmmap/*.py", "data/weights/*", "environment.txt")) -> str:
+    """Hash of what a result depends on; by default the module, the weights and the environment's pins."""
     digest = hashlib.sha256(repr(extra).encode())
-    for pattern in ("lmmap/*.py", "data/weights/*", "environment.txt"):
+    for pattern in patterns:
         for path in sorted(ROOT.glob(pattern)):
             digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()

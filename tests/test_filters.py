@@ -117,12 +117,14 @@ def test_bad_images():
 
 @pytest.mark.parametrize("name", ["ring", "reflector"])
 @pytest.mark.parametrize("modality", ["rgb", "event"])
-def test_shipped_weights_load_and_say_how_they_were_made(name, modality):
-    path = weight_path(name, modality)
+@pytest.mark.parametrize("gap", ["low", "high"])
+def test_shipped_weights_load_and_say_how_they_were_made(name, modality, gap):
+    path = weight_path(name, modality, gap)
     load_filter(path, modality)
     card = load_card(path)
     assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality}")
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])
-    assert not any(s.startswith(("test", "hard", "empty")) for s in card["training_sequences"])
+    kinds = {s.split("-")[0] for s in card["training_sequences"] + card["validation_sequences"]}
+    assert kinds == ({"augmented"} if gap == "high" else {"augmented", "realistic"})
     assert json.dumps(card)
