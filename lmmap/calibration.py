@@ -19,8 +19,8 @@ class InputError(Exception):
 
 
 def read_camera(path, cls) -> dict:
-    """Fields of a camera from our JSON, or from an OpenCV or ROS calibration YAML."""
-    expected = "expected our JSON or an OpenCV/ROS calibration YAML"
+    """Fields of a camera from our JSON, or from an OpenCV, ROS or Kalibr calibration YAML."""
+    expected = "expected our JSON or a calibration YAML of OpenCV, ROS or Kalibr"
     return _read(path, cls, "camera calibration", expected, _yaml_camera)
 
 
@@ -61,6 +61,10 @@ def _yaml_camera(text: str) -> dict:
     # OpenCV writes '%YAML:1.0' and '!!opencv-matrix', which no YAML parser knows
     text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
     y = yaml.safe_load(text)
+    if "cam0" in y:
+        return _kalibr_camera(y["cam0"])
+    if y.get("distortion_model", "plumb_bob") not in ("plumb_bob", "radtan"):
+        raise ValueError(f"distortion model {y['distortion_model']} is not radial-tangential")
     k = np.array(y["camera_matrix"]["data"], float).reshape(3, 3)
     distortion = y.get("distortion_coefficients", {}).get("data", [])
     return dict(
@@ -72,3 +76,14 @@ def _yaml_camera(text: str) -> dict:
         cy_px=float(k[1, 2]),
         distortion=tuple(float(d) for d in distortion) if np.any(distortion) else (),
     )
+
+
+def _kalibr_camera(cam: dict) -> dict:
+    """The first camera of a camchain."""
+    model = cam["camera_model"], cam.get("distortion_model", "none")
+    if model not in (("pinhole", "radtan"), ("pinhole", "none")):
+        raise ValueError(f"camera model {'-'.join(model)} is not pinhole-radtan")
+    width, height = (int(n) for n in cam["resolution"])
+    names = "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"
+    values = dict(zip(names, (width, height, *map(float, cam["intrinsics"])), strict=True))
+    return values | {"distortion": tuple(float(d) for d in cam.get("distortion_coeffs", ()))}

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from . import accuracy, pipeline, sequences
 from .core import PAPER, Camera, InputError, Port, Recording
 from .filters import CHANNELS, FILTERS
-from .recordings import health, open_recording, write_aedat4, write_npz
+from .recordings import WRITERS, health, open_recording, write_recording
 from .results import DERIVED
 from .trajectories import trajectory_of, write_estimates, write_trajectory
 
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("simulate", simulate, "record a sequence of the bench, with its ground truth beside it")
     sub.add_argument("--sequence", required=True, help="test-low, realistic-3, hard-slow, ...")
     sub.add_argument("--seconds", type=float, help="length (default: the sequence's own)")
-    sub.add_argument("-o", "--output", type=Path, required=True, help="FILE.aedat4 or FILE.npz")
+    sub.add_argument("-o", "--output", type=Path, required=True, help=f"FILE ending in {', '.join(WRITERS)}")
 
     sub = command("estimate", estimate, "estimate the port's pose in each frame or histogram of a recording")
     _recording(sub)
@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("info", info, "what is in a recording, and its health")
     sub.add_argument("recording", type=Path)
-    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or OpenCV/ROS YAML")
+    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
     sub.add_argument("--json", action="store_true", help="print JSON")
 
     sub = command("train", train, "train the filters on the bench; an interrupted run goes on")
@@ -91,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _recording(sub) -> None:
     sub.add_argument("recording", type=Path)
-    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or OpenCV/ROS YAML")
+    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
     sub.add_argument("--port", type=Path, help="another port's geometry (JSON)")
 
 
@@ -102,9 +102,8 @@ def _check_folder(path: Path) -> None:
 
 
 def simulate(a) -> None:
-    writers = {".aedat4": write_aedat4, ".npz": write_npz}
-    if a.output.suffix not in writers:
-        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it .aedat4 or .npz")
+    if a.output.suffix not in WRITERS:
+        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
     _check_folder(a.output)
     seconds = sequences.duration_s(sequences.sequence(a.sequence), a.seconds)
     with tqdm(
@@ -112,7 +111,7 @@ def simulate(a) -> None:
     ) as bar:
         recording = sequences.simulate(a.sequence, seconds, lambda done: bar.update(done - bar.n))
         bar.update(seconds - bar.n)
-    writers[a.output.suffix](recording, a.output)
+    write_recording(recording, a.output)
     print(f"{a.output}: {len(recording.events)} events, {len(recording.frames)} frames, {seconds:g} s")
 
 

@@ -1,8 +1,8 @@
 """Recordings as files, ours and foreign.
 
 ``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
-whether time runs forward or coordinates lie on the sensor.  Beside ``NAME.aedat4`` or ``NAME.npz`` lie
-``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` (the trajectory).
+whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
+``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
 Writers are atomic: a file is complete under its name, or it is not there.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from . import aedat4
+from . import aedat4, bags, hdf5, plain
 from .core import EVENT, PAPER, Camera, InputError, Recording
 from .trajectories import (
     atomic,
@@ -26,6 +26,7 @@ from .trajectories import (
 )
 
 __all__ = [
+    "FORMATS",
     "health",
     "open_recording",
     "read_estimates",
@@ -34,6 +35,7 @@ __all__ = [
     "write_aedat4",
     "write_estimates",
     "write_npz",
+    "write_recording",
     "write_trajectory",
 ]
 
@@ -41,27 +43,29 @@ DAVIS346_PX = (346, 260)
 
 
 def open_recording(path, camera: Camera | str | Path | None = None) -> Recording:
-    """Read AEDAT4 or our npz, with the camera and truth beside it; raises `InputError`.
+    """Read any of `FORMATS`, with the camera and truth beside it; raises `InputError`.
 
     ``camera`` (or a calibration file) wins over ``NAME.camera.json``.  Without either, a recording of
     346 x 260 px gets the nominal DAVIS 346 camera, with a warning.
     """
     path = Path(path)
-    readers = {".aedat4": aedat4.read, ".npz": _read_npz}
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
-    if not path.is_file():
-        raise InputError(f"{path}: not a file; name one recording")
-    if path.suffix.lower() not in readers:
-        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: .aedat4 and our .npz")
-    events, frames, frames_t_us, size_px = readers[path.suffix.lower()](path)
+    kind = "folder" if path.is_dir() else path.suffix.lower()
+    if kind not in READERS:
+        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
+    events, frames, frames_t_us, size_px = READERS[kind](path)
+    camera = _camera(path, size_px, camera)
+    size_px = camera.size_px
+    if frames is None:
+        frames = np.zeros((0, size_px[1], size_px[0], 3), np.uint8)
     if fault := _fault(events, frames, frames_t_us, size_px):
         raise InputError(f"{path}: {fault}")
     for array in (events, frames, frames_t_us):
         array.setflags(write=False)
-    truth_path = path.with_suffix(".truth.csv")
-    truth = read_trajectory(truth_path) if truth_path.exists() else None
-    return Recording(path.stem, _camera(path, size_px, camera), events, frames, frames_t_us, truth)
+    beside = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
+    truth = read_trajectory(beside[0]) if beside else None
+    return Recording(path.stem, camera, events, frames, frames_t_us, truth)
 
 
 def _camera(path: Path, size_px, camera) -> Camera:
@@ -72,11 +76,11 @@ def _camera(path: Path, size_px, camera) -> Camera:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=3)
         return Camera.davis346()
     if camera is None:
-        width, height = size_px
-        raise InputError(f"{path}: no calibration for {width} x {height} px; give one with --camera")
+        size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
+        raise InputError(f"{path}: no calibration for {size}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
     camera = camera if isinstance(camera, Camera) else Camera.load(camera)
-    if camera.size_px != size_px:
+    if size_px is not None and camera.size_px != size_px:
         raise InputError(
             f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "
             f"{camera.width_px} x {camera.height_px} px; give the calibration of this camera"
@@ -129,18 +133,22 @@ def _read_npz(path: Path):
 
 def write_aedat4(recording: Recording, path) -> None:
     """Write AEDAT4 (Zstandard), the camera and the truth beside it; raises `InputError`."""
-    _write_recording(recording, Path(path), ".aedat4", aedat4.write)
+    write_recording(recording, path, (".aedat4",))
 
 
 def write_npz(recording: Recording, path) -> None:
     """Write a compressed npz, the camera and the truth beside it; raises `InputError`."""
-    _write_recording(recording, Path(path), ".npz", _save_npz)
+    write_recording(recording, path, (".npz",))
 
 
-def _write_recording(recording: Recording, path: Path, suffix: str, save) -> None:
-    if path.suffix != suffix:
-        raise InputError(f"{path}: expected a name that ends in {suffix}")
-    r = recording
+def write_recording(recording: Recording, path, suffixes=None) -> None:
+    """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`."""
+    path, r = Path(path), recording
+    suffixes = suffixes or tuple(WRITERS)
+    if path.suffix not in suffixes:
+        raise InputError(
+            f"{path}: cannot write '{path.suffix}'; expected a name that ends in {', '.join(suffixes)}"
+        )
     if fault := _fault(r.events, r.frames, r.frames_t_us, r.camera.size_px):
         raise ValueError(f"recording: {fault}")
     with atomic(path.with_suffix(".camera.json")) as temporary:
@@ -148,7 +156,7 @@ def _write_recording(recording: Recording, path: Path, suffix: str, save) -> Non
     if r.truth is not None:
         write_trajectory(r.truth, path.with_suffix(".truth.csv"))
     with atomic(path) as temporary:
-        save(r, temporary)
+        WRITERS[path.suffix](r, temporary)
         if r.truth is None:  # one of another recording would be taken for this one's
             path.with_suffix(".truth.csv").unlink(missing_ok=True)
 
@@ -159,6 +167,25 @@ def _save_npz(recording: Recording, path: Path) -> None:
         np.savez_compressed(
             file, events=r.events, frames=r.frames, frames_t_us=r.frames_t_us, size_px=r.camera.size_px
         )
+
+
+WRITERS = {
+    ".aedat4": aedat4.write,
+    ".bag": bags.write,
+    ".h5": hdf5.write,
+    ".hdf5": hdf5.write,
+    ".npz": _save_npz,
+}
+FORMATS = (  # what it is, how its name ends, its reader
+    ("AEDAT4 of iniVation's DV", (".aedat4",), aedat4.read),
+    ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), bags.read),
+    ("HDF5 in the layouts of DSEC (ours too) and MVSEC", (".h5", ".hdf5"), hdf5.read),
+    ("our arrays of numpy", (".npz",), _read_npz),
+    ("events as text, t x y p", (".txt",), plain.read_text),
+    ("images with timestamps.txt or images.txt", ("folder",), plain.read_folder),
+    ("video", (".mp4", ".avi", ".mkv", ".mov"), plain.read_video),
+)
+READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}
 
 
 def health(recording: Recording) -> dict:

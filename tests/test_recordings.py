@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lmmap.core import EVENT, Camera, InputError, Pose, Recording, Trajectory
-from lmmap.recordings import health, open_recording, write_aedat4, write_npz
+from lmmap.recordings import WRITERS as FORMAT_WRITERS
+from lmmap.recordings import health, open_recording, write_aedat4, write_npz, write_recording
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
-WRITERS = {".aedat4": write_aedat4, ".npz": write_npz}
+WRITERS = {suffix: write_recording for suffix in FORMAT_WRITERS}
 
 
 def recording(seed=0, events=2500, frames=3, truth=True) -> Recording:
@@ -144,12 +145,12 @@ def one_line(path, camera=CAMERA) -> str:
 
 def test_no_recording_at_all(tmp_path, suffix):
     assert "no such file" in one_line(tmp_path / f"absent{suffix}")
-    assert "not a file" in one_line(tmp_path)
+    assert "not a folder of images" in one_line(tmp_path)
     for name, content in (("empty", ""), ("text", "a text, not a recording\n" * 50)):
         (tmp_path / f"{name}{suffix}").write_text(content)
         one_line(tmp_path / f"{name}{suffix}")
-    (tmp_path / "video.mp4").write_bytes(b"x")
-    assert ".aedat4 and our .npz" in one_line(tmp_path / "video.mp4")
+    (tmp_path / "sound.wav").write_bytes(b"x")
+    assert ".aedat4, .bag, .h5" in one_line(tmp_path / "sound.wav")
 
 
 @pytest.fixture(scope="module")
