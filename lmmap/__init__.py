@@ -1,8 +1,19 @@
 """lmmap: pose of the LM-MAP docking port from an RGB or event camera, reproducibly."""
 
-from . import circle, ellipse, events
-from .core import PAPER, Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
-from .recordings import open_recording
+import hashlib
+import os
+from pathlib import Path
+
+# numba dates its cache by one file and not by those that it inlines: a folder for each state of the source
+_FOLDER = Path(__file__).parent
+_SOURCE = b"".join(path.read_bytes() for path in sorted(_FOLDER.glob("*.py")))
+os.environ.setdefault(
+    "NUMBA_CACHE_DIR", str(_FOLDER / "__pycache__" / hashlib.sha256(_SOURCE).hexdigest()[:16])
+)
+
+from . import circle, ellipse, events  # noqa: E402
+from .core import PAPER, Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory  # noqa: E402
+from .recordings import open_recording  # noqa: E402
 
 __all__ = ["PAPER", "Camera", "Ellipse", "Estimate", "Estimator", "InputError", "Port", "Pose", "Recording",
            "Status", "Trajectory", "circle", "ellipse", "events", "open_recording"]  # fmt: skip

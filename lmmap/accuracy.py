@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from . import sequences
+from . import photometry, sequences
 from .core import Estimate, Port, Pose, Recording
 from .geometry import in_view
 from .metrics import normal_error_rad, position_error_m, rotation_error_rad
@@ -17,13 +17,10 @@ from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .tracking import outlier_filter
 from .trajectories import write_estimates
 
-PROFILES = {
-    "quick": {"test": 6.0, "hard": 3.0, "empty": 3.0},
-    "paper": {"test": 210.0, "hard": 40.0, "empty": 250.0},
-}
 LIGHTS, MODALITIES, DOMAIN_GAPS = ("low", "medium", "high"), ("rgb", "event"), ("low", "high")
 BENCH = [
-    f"lmmap/{name}.py" for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "sequences")
+    f"lmmap/{name}.py"
+    for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
 ]
 SEQUENCES = ("test-low", "test-medium", "test-high", "hard-slow", "hard-reflect", "empty-0")
 
@@ -91,16 +88,14 @@ def _percent(part, whole) -> float:
 
 
 def saturation(recording: Recording, port: Port) -> dict:
-    """Share of the port's region of interest that is black (< 10) or white (> 245), mean over frames."""
-    low, high = [], []
+    """Share of the port's region of interest that is black or white, mean over frames."""
+    found = []
     for frame, pose in zip(recording.frames, recording.truth.at(recording.frames_t_us), strict=True):
         region = sequences.label_masks(pose, port, recording.camera).any(0)
         if region.any():
-            rows, columns = np.nonzero(region)
-            box = frame[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1].max(-1)
-            low.append((box < 10).mean())
-            high.append((box > 245).mean())
-    return {"low": 100 * float(np.mean(low)), "high": 100 * float(np.mean(high))}
+            found.append(photometry.saturation(frame, region))
+    low, high = np.mean(found, 0)
+    return {"low": float(low), "high": float(high)}
 
 
 def reproduce(profile: str, report=print) -> None:
@@ -116,7 +111,7 @@ def reproduce(profile: str, report=print) -> None:
         if done.exists() and done.read_text() == mark:
             report(f"{name}: up to date")
             continue
-        recording = _recorded(name, PROFILES[profile][name.split("-")[0]], folder, report)
+        recording = _recorded(name, sequences.SECONDS[profile][name.split("-")[0]], folder, report)
         for gap in DOMAIN_GAPS if name.startswith("test") else DOMAIN_GAPS[:1]:
             for modality in MODALITIES:
                 _estimate(recording, modality, gap, folder, profile, report)

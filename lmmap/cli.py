@@ -11,11 +11,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from . import accuracy, pipeline, sequences
+from . import accuracy, photometry, pipeline, sequences, simulation
 from .core import PAPER, Camera, InputError, Port, Recording
 from .filters import CHANNELS, FILTERS
-from .recordings import WRITERS, health, open_recording, write_recording
-from .results import DERIVED
+from .recordings import WRITERS, health, open_recording
+from .results import DERIVED, profile, save_json
 from .trajectories import trajectory_of, write_estimates, write_trajectory
 
 EXAMPLES = """examples:
@@ -55,10 +55,20 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=run)
         return sub
 
-    sub = command("simulate", simulate, "record a sequence of the bench, with its ground truth beside it")
-    sub.add_argument("--sequence", required=True, help="test-low, realistic-3, hard-slow, ...")
-    sub.add_argument("--seconds", type=float, help="length (default: the sequence's own)")
-    sub.add_argument("-o", "--output", type=Path, required=True, help=f"FILE ending in {', '.join(WRITERS)}")
+    sub = command("simulate", simulate, "record sequences of the bench, with their ground truth beside them")
+    sub.add_argument(
+        "--sequence", nargs="+", required=True, metavar="NAME", help="test-low, realistic-3, ..."
+    )
+    sub.add_argument("--seconds", type=float, help="length (default: the profile's)")
+    sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default=profile())
+    sub.add_argument("--camera", type=Path, help="calibration of another camera, distortion included")
+    sub.add_argument("--jobs", type=int, default=1, help="sequences at once")
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the work")
+    sub.add_argument("-o", "--output", type=Path, required=True,
+                     help=f"FILE ending in {', '.join(WRITERS)}; {{}} stands for the sequence")  # fmt: skip
+
+    sub = command("photometry", photometric, "calibrate exposure and lamps to the paper's saturation rows")
+    sub.add_argument("-o", "--output", type=Path, help="a JSON file for the result and its provenance")
 
     sub = command("estimate", estimate, "estimate the port's pose in each frame or histogram of a recording")
     _recording(sub)
@@ -85,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--steps", type=int, default=2000)
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
-    sub.add_argument("--profile", choices=tuple(accuracy.PROFILES), default="quick")
+    sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
     return parser
 
 
@@ -104,15 +114,36 @@ def _check_folder(path: Path) -> None:
 def simulate(a) -> None:
     if a.output.suffix not in WRITERS:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
+    if len(a.sequence) > 1 and "{}" not in a.output.name:
+        raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
     _check_folder(a.output)
-    seconds = sequences.duration_s(sequences.sequence(a.sequence), a.seconds)
-    with tqdm(
-        total=seconds, unit="s", desc=a.sequence, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}"
-    ) as bar:
-        recording = sequences.simulate(a.sequence, seconds, lambda done: bar.update(done - bar.n))
-        bar.update(seconds - bar.n)
-    write_recording(recording, a.output)
-    print(f"{a.output}: {len(recording.events)} events, {len(recording.frames)} frames, {seconds:g} s")
+    camera = Camera.load(a.camera) if a.camera else None
+    jobs = [(name, sequences.duration_s(sequences.sequence(name), a.seconds, a.profile),
+             a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
+    if a.jobs > 1 or a.scheduler:
+        if camera:
+            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
+        for path, events, frames in tqdm(
+            simulation.record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs)
+        ):
+            tqdm.write(f"{path}: {events} events, {frames} frames")
+        return
+    for name, seconds, path in jobs:
+        with tqdm(total=seconds, desc=name, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+            events, frames = simulation.record(
+                name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera
+            )
+            bar.update(seconds - bar.n)
+        print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
+
+
+def photometric(a) -> None:
+    if a.output:
+        _check_folder(a.output)
+    result = photometry.calibrate(lambda line: print(line, file=sys.stderr))
+    if a.output:
+        save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
+    print(json.dumps(result, indent=1))
 
 
 def _estimates(recording: Recording, modality: str, port: Port, rate_hz=None) -> list:

@@ -7,6 +7,7 @@ shot noise and a refractory period are those of v2e; times are interpolated betw
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ class Sensor:
     leak_hz: float = 0.1
     shot_hz: float = 0.5
     refractory_s: float = 0.0005
+    hot_share: float = 2e-4  # of the pixels that fire by themselves
+    hot_hz: float = 30.0
     dark: float = 2.0  # added to the intensity, in 8-bit units
 
 
@@ -38,12 +41,14 @@ class EventSensor:
         self.thresholds = frozen_array(np.maximum(draw, 0.05), np.float32)
         self._state = None
         self._last_s = np.full(shape, -1.0)
+        self._hot = np.flatnonzero(rng.random(shape) < sensor.hot_share)
         self._t_s = 0.0
 
     def __call__(self, intensity, t_us: int) -> np.ndarray:
         """Events since the last call, EVENT sorted by time; ``intensity`` in 8-bit units (H, W)."""
         s, t_s = self.sensor, t_us * 1e-6
-        log = np.log(np.asarray(intensity, np.float32) + np.float32(s.dark))
+        intensity = np.asarray(intensity, np.float32).reshape(self._last_s.shape)
+        log = np.log(intensity + np.float32(s.dark))
         if self._state is None:
             self._state, self._t_s = (log.copy(), log.copy()), t_s
             return np.empty(0, EVENT)
@@ -51,71 +56,82 @@ class EventSensor:
         if dt <= 0:
             raise ValueError(f"EventSensor: times must increase, got {t_us} after {self._t_s * 1e6:.0f}")
         light = (np.minimum(intensity, 255) + 20) / 275
-        follow = (
-            1 - np.exp(-2 * np.pi * s.cutoff_hz * light * dt) if np.isfinite(s.cutoff_hz) else light * 0 + 1
+        stay = (
+            np.exp(np.float32(-2 * np.pi * s.cutoff_hz * dt) * light) if s.cutoff_hz < np.inf else 0 * light
         )
-        shots = self._rng.random(log.shape, np.float32) < s.shot_hz * dt * (1 - 0.75 * light)
-        coin = self._rng.random(log.shape, np.float32)
-        t, x, y, p = _step(log, follow, shots, coin, self._state[0], self._state[1], self._last_s,
-                           self.thresholds, s.leak_hz * dt, self._t_s, dt, s.refractory_s)  # fmt: skip
+        (lp, ref), (on, off) = self._state, self.thresholds
+        now = log + stay * (lp - log)
+        ref -= np.float32(s.leak_hz * dt) * on
+        fires = np.flatnonzero((now - ref >= on) | (ref - now >= off))
+        t, where, p = _fire(fires, lp.ravel(), now.ravel(), ref.ravel(), self._last_s.ravel(),
+                            on.ravel(), off.ravel(), self._t_s, dt, s.refractory_s)  # fmt: skip
+        lp[:] = now
+        y, x = np.divmod(where, log.shape[1])
+        events = np.concatenate([_pack(t, x, y, p), self._shots(light, dt)])
         self._t_s = t_s
-        events = np.empty(len(t), EVENT)
-        order = np.argsort(t, kind="stable")
-        events["t_us"] = np.minimum((t[order] * 1e6).astype(np.int64), t_us - 1)
-        events["x"], events["y"], events["p"] = x[order], y[order], p[order]
+        events = events[np.argsort(events["t_us"], kind="stable")]
+        events["t_us"] = np.minimum(events["t_us"], t_us - 1)
         return events
 
+    def state(self) -> dict:
+        """Arrays that `restore` continues from, to the same events."""
+        generator = json.dumps(self._rng.bit_generator.state)
+        return {"lp": self._state[0], "ref": self._state[1], "last_s": self._last_s, "t_s": self._t_s,
+                "generator": generator}  # fmt: skip
 
-@njit(cache=True)
-def _step(log, follow, shots, coin, lp, ref, last, thresholds, leak, t0, dt, refractory):
-    """One render's step; ``lp``, ``ref`` and ``last`` are the sensor's own state, updated in place."""
-    height, width = log.shape
-    capacity = 1 << 14
-    t, x = np.empty(capacity), np.empty(capacity, np.int16)
-    y, p = np.empty(capacity, np.int16), np.empty(capacity, np.bool_)
+    def restore(self, state: dict) -> None:
+        self._state = state["lp"].copy(), state["ref"].copy()
+        self._last_s, self._t_s = state["last_s"].copy(), float(state["t_s"])
+        self._rng.bit_generator.state = json.loads(str(state["generator"]))
+
+    def _shots(self, light, dt: float) -> np.ndarray:
+        """Shot noise and hot pixels of an interval, Poisson; the light thins out shot noise."""
+        s, rng = self.sensor, self._rng
+        shot = rng.integers(0, light.size, rng.poisson(s.shot_hz * dt * light.size))
+        shot = shot[rng.random(len(shot)) < 1 - 0.75 * light.ravel()[shot]]
+        hot = self._hot[rng.integers(0, max(len(self._hot), 1), rng.poisson(s.hot_hz * dt * len(self._hot)))]
+        where = np.concatenate([shot, hot])
+        when, p = self._t_s + rng.random(len(where)) * dt, rng.random(len(where)) < 0.5
+        lp, ref = self._state
+        ref.ravel()[where] = lp.ravel()[where]
+        self._last_s.ravel()[where] = np.maximum(self._last_s.ravel()[where], when)
+        y, x = np.divmod(where, light.shape[1])
+        return _pack(when, x, y, p)
+
+
+def _pack(t_s, x, y, p) -> np.ndarray:
+    events = np.empty(len(t_s), EVENT)
+    events["t_us"], events["x"], events["y"], events["p"] = t_s * 1e6, x, y, p
+    return events
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fire(fires, before, now, ref, last, on, off, t0, dt, refractory):
+    """Events of the pixels that cross a threshold; ``ref`` and ``last`` are the sensor's own state."""
+    capacity = 2 * len(fires) + 64
+    t, where, p = np.empty(capacity), np.empty(capacity, np.int64), np.empty(capacity, np.bool_)
     n = 0
-    for row in range(height):
-        for column in range(width):
-            on, off = thresholds[0, row, column], thresholds[1, row, column]
-            before = lp[row, column]
-            now = before + follow[row, column] * (log[row, column] - before)
-            lp[row, column] = now
-            ref[row, column] -= leak * on
-            rise = now - before
-            while True:
-                gap = now - ref[row, column]
-                if gap >= on:
-                    level, polarity = ref[row, column] + on, True
-                elif -gap >= off:
-                    level, polarity = ref[row, column] - off, False
-                else:
-                    break
-                share = (level - before) / rise if rise != 0.0 else 1.0
-                when = t0 + min(max(share, 0.0), 1.0) * dt
-                ref[row, column] = level
-                if when - last[row, column] < refractory:
-                    ref[row, column] = now  # a pixel held in reset follows the light
-                    break
-                last[row, column] = when
-                if n == capacity:
-                    capacity *= 2
-                    t, x, y, p = _grow(t, n), _grow(x, n), _grow(y, n), _grow(p, n)
-                t[n], x[n], y[n], p[n] = when, column, row, polarity
-                n += 1
-            if shots[row, column]:
-                when = t0 + coin[row, column] * dt
-                ref[row, column] = now
-                if n == capacity:
-                    capacity *= 2
-                    t, x, y, p = _grow(t, n), _grow(x, n), _grow(y, n), _grow(p, n)
-                t[n], x[n], y[n], p[n] = when, column, row, coin[row, column] * 2 % 1 < 0.5
-                last[row, column] = max(last[row, column], when)
-                n += 1
-    return t[:n], x[:n], y[:n], p[:n]
+    for i in fires:
+        rise, level = now[i] - before[i], ref[i]
+        while now[i] - level >= on[i] or level - now[i] >= off[i]:
+            up = now[i] > level
+            level += on[i] if up else -off[i]
+            share = (level - before[i]) / rise if rise != 0.0 else 1.0
+            when = t0 + min(max(share, 0.0), 1.0) * dt
+            if when - last[i] < refractory:
+                level = now[i]  # a pixel held in reset follows the light
+                break
+            last[i] = when
+            if n == len(t):
+                t, where, p = _grow(t), _grow(where), _grow(p)
+            t[n], where[n], p[n] = when, i, up
+            n += 1
+        ref[i] = level
+    return t[:n], where[:n], p[:n]
 
 
 @njit(cache=True)
-def _grow(a, n):
-    b = np.empty(2 * n, a.dtype)
-    b[:n] = a
+def _grow(a):
+    b = np.empty(2 * len(a), a.dtype)
+    b[: len(a)] = a
     return b

@@ -16,6 +16,8 @@ DIFFUSE, SPECULAR, ROUGHNESS, SLOPE = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 CHANNELS = 9
 # reflectance of evaporated metal at normal incidence, linear RGB (handbook values, rounded)
 METALS = {"aluminium": (0.91, 0.92, 0.92), "gold": (1.00, 0.77, 0.34)}
+# film that was crushed and smoothed down again: size of its facets (texels), height of their edges
+CREASES_M = ((110, 0.0022), (45, 0.0014), (16, 0.0005), (8, 0.00018))
 PHOTOGRAPHS = ("astronaut", "brick", "camera", "chelsea", "coffee", "coins", "grass", "gravel", "page",
                "rocket", "text", "moon")  # fmt: skip
 
@@ -32,12 +34,12 @@ def texel_shape(panel_size_m) -> tuple[int, int]:
     return round(panel_size_m[1] / TEXEL_M), round(panel_size_m[0] / TEXEL_M)
 
 
-def film(panel_size_m, centre_m, rng, metal="aluminium") -> np.ndarray:
-    """Metallised film glued to a sheet: sharp creases at several scales, pleats around the ring."""
+def film(panel_size_m, centre_m, rng, metal="aluminium", pleated=True) -> np.ndarray:
+    """Metallised film glued to a sheet: creases at several scales, pleats around a ring at ``centre_m``."""
     shape = texel_shape(panel_size_m)
     rows, columns = np.indices(shape, np.float32)
     height_m = np.zeros(shape, np.float32)
-    for cell, amplitude_m in ((120, 0.0045), (55, 0.0020), (25, 0.0006)):
+    for cell, amplitude_m in CREASES_M:
         warp = 0.35 * cell * np.stack([smooth_noise(shape, 1.5 * cell, rng) for _ in range(2)])
         fold = 1.6 - np.abs(smooth_noise(shape, cell, rng))  # ridges where the noise changes sign
         fold = cv2.remap(fold, columns + warp[0], rows + warp[1], cv2.INTER_LINEAR,
@@ -47,16 +49,18 @@ def film(panel_size_m, centre_m, rng, metal="aluminium") -> np.ndarray:
     y = (rows + 0.5) * TEXEL_M - panel_size_m[1] / 2 - centre_m[1]
     angle, radius = np.arctan2(y, x), np.hypot(x, y)
     turn = (angle / (2 * np.pi) % 1 * 2047).astype(np.float32)
-    pleats = smooth_noise((1, 2048), rng.uniform(25, 60), rng)
+    pleats = smooth_noise((1, 2048), rng.uniform(20, 40), rng)
     pleat = cv2.remap(pleats, turn, np.zeros_like(turn), cv2.INTER_LINEAR)
-    height_m += 0.0012 * np.abs(pleat) * np.exp(-(((radius - 0.06) / 0.07) ** 2))
-    height_m = cv2.GaussianBlur(height_m, (0, 0), 0.8)
+    height_m -= 0.0016 * pleated * np.abs(pleat) * np.exp(-(((radius - 0.05) / 0.09) ** 2))
+    height_m = cv2.GaussianBlur(height_m, (0, 0), 0.6)
+    inset = np.minimum(np.minimum(rows, rows[::-1]), np.minimum(columns, columns[:, ::-1]))
+    height_m -= 0.0016 * np.clip(1 - inset / 5, 0, 1) ** 2  # folded over the board's edge
 
     skin = np.zeros((*shape, CHANNELS), np.float32)
     dirt = np.clip(1 + 0.15 * smooth_noise(shape, 30, rng), 0.5, 1.3)[..., None]
     skin[..., SPECULAR] = 0.85 * np.array(METALS[metal])
     skin[..., DIFFUSE] = 0.03 * np.array(METALS[metal]) * dirt
-    skin[..., ROUGHNESS] = rng.uniform(0.16, 0.24) * np.clip(1 + 0.2 * smooth_noise(shape, 60, rng), 0.5, 2)
+    skin[..., ROUGHNESS] = rng.uniform(0.09, 0.15) * np.clip(1 + 0.2 * smooth_noise(shape, 60, rng), 0.5, 2)
     skin[..., SLOPE] = _slopes(height_m)
     return skin
 

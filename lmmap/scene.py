@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from .core import Port
 
 NOTHING, PANEL, RING, MARKER, PLATE, PETAL, BODY = range(7)
-PANEL_THICKNESS_M = 0.010
+PANEL_THICKNESS_M = 0.022
 CLEARANCE_M = 1e-6
+FAR_M = 1e9  # no hit; infinity itself would not survive fast arithmetic
 
 
 class Solid(NamedTuple):
@@ -39,6 +40,8 @@ class Solid(NamedTuple):
     petal_length: float
     bound_height: float  # centre of the sphere that holds all but the panel
     bound_radius2: float
+    head_height: float  # centre of the sphere that holds plate and petals
+    head_radius2: float
 
 
 def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
@@ -52,6 +55,8 @@ def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
     half = np.array(port.panel_size_m) / 2
     top = port.plate_height_m + port.petal_rise_m
     middle = (top - port.panel_depth_m) / 2
+    head = (top + port.plate_height_m) / 2
+    reach = np.hypot(apothem + port.petal_lean_m, max(port.petal_widths_m) / 2)
     return Solid(
         port.ring_inner_radius_m,
         port.ring_outer_radius_m,
@@ -70,6 +75,8 @@ def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
         length,
         middle,
         port.ring_outer_radius_m**2 + (top - middle) ** 2,
+        head,
+        max(reach, port.plate_circumradius_m) ** 2 + (top - head) ** 2,
     )
 
 
@@ -88,13 +95,20 @@ def _tube(ox, oy, oz, dx, dy, dz, radius, low, high, t_max):
     return t_max
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _passes(ox, oy, oz, dx, dy, dz, height, radius2):
+    """Whether a ray misses the sphere around (0, 0, height)."""
+    cz = oz - height
+    toward = ox * dx + oy * dy + cz * dz
+    outside = ox * ox + oy * oy + cz * cz - radius2
+    return toward * toward < outside or (toward > 0.0 and outside > 0.0)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     """First surface of the port along a ray: (distance, surface, nx, ny, nz), panel excluded."""
     t, what, nx, ny, nz = t_max, NOTHING, 0.0, 0.0, 0.0
-    cz = oz - s.bound_height
-    b = ox * dx + oy * dy + cz * dz
-    if b * b < ox * ox + oy * oy + cz * cz - s.bound_radius2:
+    if _passes(ox, oy, oz, dx, dy, dz, s.bound_height, s.bound_radius2):
         return t, what, nx, ny, nz
 
     u = -oz / dz  # ring: annulus in z = 0
@@ -111,13 +125,15 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
         if u < t:
             t, what = u, BODY
             nx, ny, nz = (ox + u * dx) / radius, (oy + u * dy) / radius, 0.0
+    if _passes(ox, oy, oz, dx, dy, dz, s.head_height, s.head_radius2):
+        return t, what, nx, ny, nz
 
     u = (s.plate_height - oz) / dz  # plate: hexagon
     if CLEARANCE_M < u < t:
         x, y = ox + u * dx, oy + u * dy
         radial = tangential = far = -1.0
         for k in range(len(s.sectors)):
-            c, n = s.sectors[k]
+            c, n = s.sectors[k, 0], s.sectors[k, 1]
             along = x * c + y * n
             far = max(far, abs(along))
             if along > radial:
@@ -141,10 +157,10 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     return t, what, nx, ny, nz
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def hit_panel(s, ox, oy, oz, dx, dy, dz):
-    """First hit of the panel's slab: (distance, nx, ny, nz); infinite distance for a miss."""
-    near, far, axis, sign = -np.inf, np.inf, 2, 1.0
+    """First hit of the panel's slab: (distance, nx, ny, nz); `FAR_M` for a miss."""
+    near, far, axis, sign = -FAR_M, FAR_M, 2, 1.0
     low = (s.panel_low[0], s.panel_low[1], s.panel_bottom)
     high = (s.panel_high[0], s.panel_high[1], s.panel_top)
     o, d = (ox, oy, oz), (dx, dy, dz)
@@ -154,5 +170,5 @@ def hit_panel(s, ox, oy, oz, dx, dy, dz):
             near, axis, sign = min(a, b), k, (-1.0 if d[k] > 0 else 1.0)
         far = min(far, max(a, b))
     if near > far or near < CLEARANCE_M:
-        return np.inf, 0.0, 0.0, 0.0
+        return FAR_M, 0.0, 0.0, 0.0
     return near, sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)

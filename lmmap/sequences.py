@@ -1,219 +1,207 @@
-"""The data set's sequences, each from its name alone: who moves how, under which lamps, on what skin.
+"""Recordings of the bench: a camera looks at a sequence of the laboratory, image by image, event by event.
 
-``augmented-N`` (covers that are no satellite's), ``realistic-N`` (film, training), ``test-low``,
-``test-medium``, ``test-high`` (one unseen trajectory, three levels of light), ``hard-slow``,
-``hard-reflect``, ``empty-N`` (no port).
+Everything random is drawn from the sequence's name, so a recording is a function of its name and length.
+Long ones keep their parts as they grow; an interrupted one goes on from there, to the same bytes.
 """
 
 from __future__ import annotations
 
-import re
-import zlib
+import os
+import shutil
+import zipfile
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from . import dvs, materials, scene, shading
 from .core import EVENT, Camera, InputError, Port, Pose, Recording, Trajectory
-from .geometry import project
+from .geometry import circle_points_m, project
+from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, motion, panel, sequence
 
-KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)|hard-(slow|reflect)")
-COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
-EARTHSHINE, SUN = 14.0, 170.0  # radiant intensities; the colocated lamp's is 1
-GAIN = 0.12  # radiance to the RGB sensor's full scale: one exposure for every light
-EXPOSURE_US = 8000
-DVS_SCALE = 25.0  # radiance to the event sensor's 8-bit units
+EXPOSURE_US, SUB_EXPOSURES = 8000, 2
 LENS_BLUR_PX = 0.6
-STEP_PX = 0.7  # image motion between renders
+STEP_PX = 0.9  # image motion between renders
 FRAME_HZ, TRUTH_HZ = 20, 200
-
-
-@dataclass(frozen=True)
-class Sequence:
-    """All that decides a recording; ``seconds`` is its default length."""
-
-    name: str
-    light: str
-    skin: str
-    port: bool = True
-    seconds: float = 10.0
-    speed: float = 1.0
-    wander: float = 1.0
-
-    def rng(self, what: str) -> np.random.Generator:
-        """An independent stream per purpose; the three test sequences share theirs."""
-        group = "test" if self.name.startswith("test-") else self.name
-        return np.random.default_rng([zlib.crc32(group.encode()), zlib.crc32(what.encode())])
-
-
-def sequence(name: str) -> Sequence:
-    """The sequence of a name; `InputError` if there is none."""
-    match = KINDS.fullmatch(name)
-    if not match:
-        raise InputError(
-            f"sequence {name!r} is unknown: use augmented-N, realistic-N, test-low, test-medium, test-high, "
-            "hard-slow, hard-reflect or empty-N"
-        )
-    kind, number, level, hard = match.groups()
-    if level:
-        return Sequence(name, level, "mock-up")
-    if hard == "slow":
-        return Sequence(name, "low", "mock-up", speed=0.0, wander=0.3)
-    if hard == "reflect":
-        return Sequence(name, "reflect", "mock-up", wander=0.4)
-    light = ("low", "medium", "high")[int(number) % 3]
-    skin = "textured" if kind == "augmented" else ("mock-up" if int(number) % 2 else "film")
-    return Sequence(name, light, skin, port=kind != "empty")
-
-
-def motion(seq: Sequence, t_s) -> Pose:
-    """``T_cam_port`` at times (N,): sums of slow sinusoids, within an arm's reach and speed."""
-    rng, t_s = seq.rng("motion"), np.asarray(t_s, float)
-
-    def wander(mean, deviation):
-        frequency, phase = rng.uniform(0.02, 0.08, 3), rng.uniform(0, 2 * np.pi, 3)
-        waves = np.sin(2 * np.pi * frequency * seq.speed * t_s[:, None] + phase)
-        return mean + deviation * seq.wander * np.sqrt(2 / 3) * waves.sum(1)
-
-    training = not seq.name.startswith(("test", "hard"))
-    depth = np.clip(wander(0.64, 0.16 if training else 0.13), 0.33, 1.2)
-    x, y = wander(0, 0.20) * depth, wander(0, 0.14) * depth
-    tilt = np.stack([wander(0, 0.30), wander(0, 0.30), np.zeros_like(t_s)], -1)
-    yaw = wander(rng.uniform(0, 2 * np.pi), 0.8)
-    if seq.name == "hard-slow":
-        x, tilt = x + 0.0015 * (t_s - 20), tilt + np.array([0.25, 0.1, 0])
-    facing = Rotation.from_rotvec([np.pi, 0, 0])
-    turn = Rotation.from_rotvec(tilt) * facing * Rotation.from_rotvec(np.outer(yaw, [0, 0, 1]))
-    return Pose(turn.as_matrix(), np.stack([x, y, depth], -1))
-
-
-def lamps(seq: Sequence) -> shading.Lamps:
-    """Colocated; + earthshine (a soft box of four parts) in medium light; + sun in high light."""
-    rng = seq.rng("lamps")
-    position, intensity, radius = [COLOCATED_M], [np.ones(3)], [0.01]
-    if seq.light == "medium" or (seq.light == "high" and seq.name.startswith("augmented")):
-        corners = 0.12 * np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
-        position += list(np.array(EARTHSHINE_M) + corners)
-        intensity += [EARTHSHINE / 4 * np.array([0.97, 1.0, 1.03])] * 4
-        radius += [0.12] * 4
-    if seq.light == "high":
-        training = not seq.name.startswith("test")
-        position.append(np.array(SUN_M) + training * rng.uniform(-0.6, 0.6, 3))
-        intensity.append(SUN * (rng.uniform(0.4, 1.2) if training else 1.0) * np.array([1.0, 0.98, 0.95]))
-        radius.append(0.10)
-    if seq.light == "reflect":  # where the panel, were it a mirror, would throw the sun into the lens
-        T_cam_port = motion(seq, np.array([5.0]))[0]
-        ray = -T_cam_port.position_m / np.linalg.norm(T_cam_port.position_m)
-        mirrored = 2 * (T_cam_port.normal @ ray) * T_cam_port.normal - ray
-        position.append(T_cam_port.position_m + 2.5 * mirrored)
-        intensity.append(2 * SUN * np.array([1.0, 0.98, 0.95]))
-        radius.append(0.10)
-    return shading.Lamps(np.array(position, float), np.array(intensity, float), np.array(radius))
-
-
-def panel(seq: Sequence, port: Port):
-    """The solid and the skin of a sequence."""
-    rng = seq.rng("panel")
-    centre_m = rng.uniform(-1, 1, 2) * [0.10, 0.05]
-    size_m = port.panel_size_m
-    if seq.skin == "textured":
-        skin = materials.textured(size_m, rng)
-    elif seq.skin == "film":
-        skin = materials.film(size_m, -centre_m, rng, "gold" if rng.random() < 0.3 else "aluminium")
-    else:  # the one realistic mock-up, which training and test share, as in the paper
-        rng = np.random.default_rng(zlib.crc32(b"mock-up"))
-        centre_m = np.array([0.06, 0.02])
-        skin = materials.film(size_m, -centre_m, rng)
-    solid = scene.solid(port, centre_m)
-    return (solid if seq.port else solid._replace(bound_radius2=-1.0)), skin
-
-
-def backdrop(seq: Sequence, camera: Camera, total_intensity: float) -> np.ndarray:
-    """Radiance (H, W, 3) of the still room: dark, with a few dim soft-edged things."""
-    rng = seq.rng("backdrop")
-    shape = (camera.height_px, camera.width_px)
-    light = np.full((*shape, 3), 0.002, np.float32)
-    for _ in range(rng.integers(0, 4)):
-        edge = np.clip(
-            20 * materials.smooth_noise(shape, rng.uniform(80, 250), rng) - rng.uniform(10, 40), 0, 1
-        )
-        colour = rng.uniform(0.005, 0.06) * np.array([1.0, rng.uniform(0.5, 1), rng.uniform(0.3, 1)])
-        light += edge[..., None] * colour.astype(np.float32)
-    return shading.blur(light * np.float32(min(total_intensity, 40.0)), 1.0)
+THREADS = 2
+PART_S = 5.0  # what an interruption may cost
 
 
 def render_times_us(seq: Sequence, port: Port, camera: Camera, seconds: float) -> np.ndarray:
-    """Times between which no point of panel or ring moves by more than about `STEP_PX`."""
+    """Times between which nothing visible of panel or port moves by more than about `STEP_PX`."""
     t = np.arange(0, seconds + 1e-9, 0.001)
     poses = motion(seq, t)
-    x, y = np.array(port.panel_size_m) / 2
-    corners = np.array([[x, y, 0], [-x, y, 0], [x, -y, 0], [-x, -y, 0], [0, 0, port.plate_height_m]])
-    points = project(np.einsum("nij,kj->nki", poses.rotation, corners) + poses.position_m[:, None], camera)
-    near = np.abs(points[1:] - np.array(camera.size_px) / 2).max(-1) < camera.width_px
-    speed = np.where(near, np.linalg.norm(np.diff(points, axis=0), axis=-1), 0).max(1)
+    size = np.array(camera.size_px)
+    speed = np.zeros(len(t) - 1)
+    for point in _visible_points_m(port):
+        pixel = project(poses @ point, camera)
+        inside = np.all(np.abs(pixel - (size - 1) / 2) < size / 2 + STEP_PX, -1)
+        moved = np.linalg.norm(np.diff(pixel, axis=0), axis=-1)
+        speed = np.maximum(speed, np.where(inside[1:] | inside[:-1], moved, 0))
     travelled = np.concatenate([[0], np.cumsum(np.clip(speed, STEP_PX / 20, STEP_PX))])
     steps = np.interp(np.arange(0, travelled[-1], STEP_PX), travelled, t)
     return np.unique((steps * 1e6).astype(np.int64))
 
 
-def stream(seq: Sequence, camera: Camera, port: Port, seconds: float) -> Iterator[tuple]:
-    """Yield ``(t_us, events since the last, frame or None)`` in the order of time."""
+def _visible_points_m(port: Port) -> np.ndarray:
+    """A grid over the panel and the corners of the petals' tips, (N, 3)."""
+    x, y = (np.linspace(-size / 2, size / 2, 7) for size in port.panel_size_m)
+    grid = np.stack([*np.meshgrid(x, y), np.full((7, 7), -port.panel_depth_m)], -1).reshape(-1, 3)
+    radius = port.plate_circumradius_m * np.cos(np.pi / 6) + port.petal_lean_m
+    height = np.array([0, 0, port.plate_height_m + port.petal_rise_m])
+    return np.concatenate([grid, circle_points_m(radius, 6) + height])
+
+
+def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, skip=0) -> Iterator[tuple]:
+    """Yield ``(t_us, events since the last, frame or None)`` in order, without the first ``skip``.
+
+    Images are rendered ahead on threads; ``device`` (`dvs.EventSensor`) makes events of them here, in order.
+    """
     solid, skin = panel(seq, port)
-    light, rng = lamps(seq), seq.rng("noise " + seq.light)
+    light = lamps(seq)
     still = backdrop(seq, camera, light.intensity[:, 0].sum())
-    rays = shading.ray_grid(camera, 2)
-    sensor = dvs.EventSensor(camera, dvs.Sensor(), rng)
+    colour, mono = (skin, light, still), shading.grey(skin, light, still)
+    rays = shading.ray_grid(camera, 1), shading.ray_grid(camera, SUB_EXPOSURES)
 
-    def look(t_us):
-        T_cam_port = motion(seq, np.array([t_us * 1e-6]))[0]
-        return shading.render(solid, skin, light, T_cam_port, rays, still)[0]
+    def look(T_cam_port, what, ray):
+        return shading.render(solid, what[0], what[1], T_cam_port, ray, what[2])[0]
 
-    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / FRAME_HZ).astype(np.int64)
+    def image(job):
+        t_us, poses, frame = job
+        if not frame:
+            return t_us, shading.lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
+        parts = [look(T, colour, rays[1][k : k + 1]) for k, T in enumerate(poses)]
+        radiance = shading.lens(np.mean(parts, 0), LENS_BLUR_PX)
+        return t_us, None, shading.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
+
+    for t_us, intensity, frame in _ahead(image, _jobs(seq, camera, port, seconds)[skip:]):
+        yield t_us, device(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
+
+
+def _jobs(seq: Sequence, camera: Camera, port: Port, seconds: float) -> list[tuple]:
+    """All renders in the order of time: ``(t_us, pose or sub-exposures' poses, is a frame)``."""
     steps_us = render_times_us(seq, port, camera, seconds)
-    for t_us in np.union1d(steps_us, frames_us):
-        radiance = look(t_us)
-        intensity = shading.luminance(shading.blur(radiance, LENS_BLUR_PX)) * DVS_SCALE
-        events, frame = sensor(intensity, int(t_us)), None
-        if t_us in frames_us:
-            ends = [look(t_us + side * EXPOSURE_US // 3) for side in (-1, 1)]
-            mean = shading.blur((radiance + ends[0] + ends[1]) / 3, LENS_BLUR_PX)
-            frame = shading.expose(mean, GAIN, rng)
-        yield int(t_us), events, frame
+    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / FRAME_HZ).astype(np.int64)
+    parts_us = ((np.arange(SUB_EXPOSURES) + 0.5) / SUB_EXPOSURES - 0.5) * EXPOSURE_US
+    steps = [(t, pose, False) for t, pose in zip(steps_us, motion(seq, steps_us * 1e-6), strict=True)]
+    times = frames_us[:, None] + parts_us
+    poses = motion(seq, times.ravel() * 1e-6)
+    frames = [(t, poses[i * SUB_EXPOSURES : (i + 1) * SUB_EXPOSURES], True) for i, t in enumerate(frames_us)]
+    return sorted(steps + frames, key=lambda job: (job[0], job[2]))
 
 
-def duration_s(seq: Sequence, seconds: float | None) -> float:
-    """The asked length, or the sequence's own; `InputError` if it makes no sense."""
-    seconds = seq.seconds if seconds is None else seconds
+def _ahead(function, jobs, depth: int = 6):
+    """Results of ``function`` over ``jobs``, in order, computed a few ahead on `THREADS` threads."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        waiting = deque(pool.submit(function, job) for job in jobs[:depth])
+        for job in jobs[depth:]:
+            yield waiting.popleft().result()
+            waiting.append(pool.submit(function, job))
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def duration_s(seq: Sequence, seconds: float | None, profile: str = "quick") -> float:
+    """The asked length, or the profile's; `InputError` if it makes no sense."""
+    seconds = SECONDS[profile][seq.name.split("-")[0]] if seconds is None else seconds
     if not (np.isfinite(seconds) and 0 < seconds <= 3600):
         raise InputError(f"sequence {seq.name}: cannot last {seconds} s; give --seconds from 0.2 to 3600")
     return seconds
 
 
-def simulate(name: str, seconds: float | None = None, progress=None) -> Recording:
-    """Record a sequence with a DAVIS 346 looking at an LM-MAP; ``progress(seconds_done)``.
+def simulate(name: str, seconds: float | None = None, progress=None, *, camera: Camera | None = None,
+             parts: Path | None = None, sensor: dvs.Sensor | None = None) -> Recording:  # fmt: skip
+    """Record a sequence with a camera (default: DAVIS 346) looking at an LM-MAP.
+
+    Parameters
+    ----------
+    name, seconds
+        The sequence and its length (default: the quick profile's).
+    progress
+        Called with the seconds done.
+    parts
+        A folder for what is done so far: the same call goes on from there.  It is the caller's to remove.
+    sensor
+        Parameters of the event sensor.
 
     Raises
     ------
     InputError
-        For an unknown name or a length that is not positive.
+        For an unknown name, a length that is not positive, a folder that cannot be written.
     """
-    seq, camera, port = sequence(name), Camera.davis346(), Port.lm_map()
+    seq, port = sequence(name), Port.lm_map()
+    camera = Camera.davis346() if camera is None else camera
     seconds = duration_s(seq, seconds)
-    events, frames, frames_us = [], [], []
-    for t_us, some, frame in stream(seq, camera, port, seconds):
-        events.append(some)
-        if frame is not None:
-            frames.append(frame)
-            frames_us.append(t_us)
+    device = dvs.EventSensor(camera, sensor or dvs.Sensor(), seq.rng("events " + seq.light))
+    done = _resume(parts, device, f"{name} {seconds} {camera} {device.sensor}")
+    skip, begun_us = (int(done[-1][k]) for k in ("images", "t_us")) if done else (0, 0)
+    part = {"events": [], "frames": [], "frames_t_us": []}
+    for images, (t_us, some, frame) in enumerate(stream(seq, camera, port, seconds, device, skip), skip + 1):
+        if frame is None:
+            part["events"].append(some)
+        else:
+            part["frames"].append(frame)
+            part["frames_t_us"].append(t_us)
+        if t_us - begun_us > PART_S * 1e6:
+            done.append(_joined(part, camera))
+            part, begun_us = {key: [] for key in part}, t_us
+            if parts is not None:
+                _keep(parts / f"{len(done) - 1:04d}.npz", done[-1] | device.state(), images=images, t_us=t_us)
         if progress:
             progress(t_us * 1e-6)
+    done.append(_joined(part, camera))
+    events, frames, frames_us = (np.concatenate([d[key] for d in done]) for key in part)
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
     truth = Trajectory(truth_us, motion(seq, truth_us * 1e-6)) if seq.port else None
-    frames = np.stack(frames) if frames else np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
-    all_events = np.concatenate(events) if events else np.empty(0, EVENT)
-    return Recording(name, camera, all_events, frames, np.array(frames_us, np.int64), truth)
+    return Recording(name, camera, events, frames, frames_us, truth)
+
+
+def _joined(part: dict, camera: Camera) -> dict:
+    none = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
+    return {
+        "events": np.concatenate([np.empty(0, EVENT), *part["events"]]),
+        "frames": np.stack(part["frames"]) if part["frames"] else none,
+        "frames_t_us": np.array(part["frames_t_us"], np.int64),
+    }
+
+
+def _keep(path: Path, arrays: dict, **counts) -> None:
+    """Save a part with the sensor's state behind it, whole or not at all."""
+    temporary = path.with_suffix(".tmp")
+    try:
+        with temporary.open("wb") as file:
+            np.savez(file, **counts, **arrays)
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot write ({error.strerror}); choose a folder with room") from None
+
+
+def _resume(folder: Path | None, device, made_of: str) -> list[dict]:
+    """The parts of an earlier call for the same thing, and the sensor put into the state behind them."""
+    if folder is None:
+        return []
+    try:
+        label = folder / "made-of.txt"
+        if folder.exists() and not (label.exists() and label.read_text() == made_of):
+            shutil.rmtree(folder)
+        folder.mkdir(exist_ok=True)
+        label.write_text(made_of)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot write ({error.strerror}); choose another output folder") from None
+    done, last = [], None
+    for path in sorted(folder.glob("*.npz")):
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+                last = dict(data)
+        except (ValueError, OSError, KeyError, zipfile.BadZipFile):  # cut short: made anew
+            break
+        done.append(last)
+    if last is not None:
+        device.restore(last)
+    return done
 
 
 def label_masks(T_cam_port: Pose, port: Port, camera: Camera, rays=None) -> np.ndarray:

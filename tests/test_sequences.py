@@ -20,6 +20,44 @@ def test_same_name_same_bytes(short):
     assert np.array_equal(again.frames, short.frames)
 
 
+class Stopped(Exception):
+    """Stands for Ctrl-C."""
+
+
+def test_an_interrupted_simulation_goes_on_to_the_same_bytes(tmp_path, monkeypatch, short):
+    monkeypatch.setattr(sequences, "PART_S", 0.06)
+
+    def stop(done_s):
+        if done_s > 0.17:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        sequences.simulate("test-medium", 0.25, stop, parts=tmp_path / "parts")
+    kept = sorted((tmp_path / "parts").glob("*.npz"))
+    assert len(kept) == 2
+    kept[1].write_bytes(kept[1].read_bytes()[:-100])  # a part cut short is made anew
+    begun = []
+    again = sequences.simulate("test-medium", 0.25, begun.append, parts=tmp_path / "parts")
+    assert 0.06 < begun[0] < 0.17
+    assert np.array_equal(again.events, short.events)
+    assert np.array_equal(again.frames, short.frames)
+    assert np.array_equal(again.frames_t_us, short.frames_t_us)
+
+
+def test_parts_of_something_else_are_not_taken(tmp_path, monkeypatch, short):
+    monkeypatch.setattr(sequences, "PART_S", 0.06)
+    sequences.simulate("test-low", 0.15, parts=tmp_path / "parts")
+    again = sequences.simulate("test-medium", 0.25, parts=tmp_path / "parts")
+    assert np.array_equal(again.events, short.events)
+
+
+def test_distorted_and_other_cameras_record():
+    camera = Camera(96, 64, 90.0, 90.0, 47.5, 31.5, distortion=(-0.2, 0.05, 0.001, 0.0))
+    recording = sequences.simulate("realistic-2", 0.15, camera=camera)
+    assert recording.frames.shape[1:] == (64, 96, 3)
+    assert recording.events["x"].max() < 96 and recording.events["y"].max() < 64
+
+
 def test_a_recording_is_whole(short):
     assert len(short.events) > 1000
     assert np.all(np.diff(short.events["t_us"]) >= 0)
