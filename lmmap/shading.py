@@ -45,18 +45,25 @@ class Lamps(NamedTuple):
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _microfacet(nl, nv, nh, vh, f0, alpha):
     """GGX distribution, Smith's shadowing and masking (a product), Schlick's Fresnel (Walter et al. 2007)."""
-    lobe, fresnel = _lobe(nl, nv, nh, vh, alpha * alpha)
+    lobe, fresnel = _lobe(nl, nv, nh, vh, alpha * alpha, 0.0)
     return lobe * (f0 + (1.0 - f0) * fresnel)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _lobe(nl, nv, nh, vh, a2):
-    """Distribution times visibility of the microfacets, and (1 - v.h)^5; ``a2`` is alpha squared."""
-    narrow = nh * nh * (a2 - 1.0) + 1.0
+def _lobe(nl, nv, nh, vh, a2, spread2):
+    """Distribution times visibility of the microfacets, and (1 - v.h)^5; ``a2`` is alpha squared.
+
+    The distribution is the mean over a lamp whose disc takes pi ``spread2`` of the plane of slopes.  There
+    GGX is the stereographic image of an evenly covered sphere, so a disc holds as much of it as its cap: with
+    q = a2 + tan^2 - spread2 and w^2 = q^2 + 4 a2 spread2 the mean is 2 a2 / (pi cos^4 w (w + q)).
+    """
+    cos2 = nh * nh
+    q = 1.0 + cos2 * (a2 - 1.0 - spread2)
+    w = np.sqrt(q * q + 4.0 * a2 * spread2 * cos2 * cos2)
     smith = (nl + np.sqrt(a2 + (1.0 - a2) * nl * nl)) * (nv + np.sqrt(a2 + (1.0 - a2) * nv * nv))
     grazing = 1.0 - vh
     square = grazing * grazing
-    return a2 / (np.pi * narrow * narrow * smith), square * square * grazing
+    return 2.0 * a2 / (np.pi * w * (w + q) * smith), square * square * grazing
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
@@ -172,9 +179,11 @@ def _kernel(colours):
                                 continue
                         lv = -(lx * dx + ly * dy + lz * dz)
                         half = 1.0 / np.sqrt(max(2.0 + 2.0 * lv, 1e-9))  # 1 / |l + v|
-                        # exact at the lobe's peak: the mean of 1 / (pi alpha^2) over the lamp's disc
-                        a2 = min(mat[alpha_at] * mat[alpha_at] + (0.5 * radii[i] * near) ** 2, 1.0)
-                        lobe, fresnel = _lobe(nl, nv, (nl + nv) * half, (1.0 + lv) * half, a2)
+                        nh, vh = (nl + nv) * half, (1.0 + lv) * half
+                        a2 = mat[alpha_at] * mat[alpha_at]
+                        # half vectors move by half the lamp's angle, / v.h across the plane of incidence
+                        spread2 = (0.5 * radii[i] * near) ** 2 / (vh * nh * nh * nh)
+                        lobe, fresnel = _lobe(nl, nv, nh, vh, a2, spread2)
                         white, metal = lobe * fresnel, lobe * (1.0 - fresnel)
                         if what in (RING, MARKER):
                             # small angles: |l - v|^2 = 2 - 2 l.v is the observation angle squared

@@ -23,9 +23,13 @@ def lamp(position, intensity=1.0):
     return shading.Lamps(np.array([position], float), np.full((1, 3), float(intensity)), np.zeros(1))
 
 
-def panel_radiance(lamps, albedo=0.5, pose=FRONTAL):
+def panel_skin(skin, lamps, pose=FRONTAL):
     bare = scene.solid(PORT)._replace(bound_radius2=-1.0)
-    return shading.render(bare, matt(albedo), lamps, pose, RAYS, BLACK)[0]
+    return shading.render(bare, skin, lamps, pose, RAYS, BLACK)[0]
+
+
+def panel_radiance(lamps, albedo=0.5, pose=FRONTAL):
+    return panel_skin(matt(albedo), lamps, pose)
 
 
 def test_lambert_by_hand():
@@ -99,3 +103,28 @@ def test_exposure_is_linear_then_saturates(rng):
     assert frame.mean() == pytest.approx(0.4 * 255, rel=0.005)
     assert frame.std() == pytest.approx(255 * np.sqrt(0.4 * 7000 + 25**2) / 7000, rel=0.1)
     assert np.all(shading.expose(5 * grey, 1.0, rng) == 255)
+
+
+def test_lamp_behind_the_panel_lights_nothing_that_the_camera_sees():
+    """Film leans toward the lamp and petals look at it, but the panel is between."""
+    skin = matt()
+    skin[..., materials.SLOPE] = 0.8
+    pose = facing_pose(0.6, 0.3, 0.0, [0.0, 0.0, 0.5])
+    behind = lamp(pose @ np.array([0.3, 0.2, -PORT.panel_depth_m - 0.05]))
+    rays, black = shading.ray_grid(Camera.davis346(), 1), np.zeros((260, 346, 3), np.float32)
+    radiance, _ = shading.render(scene.solid(PORT), skin, behind, pose, rays, black)
+    assert radiance.max() <= shading.AMBIENT * 0.55 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.15, 0.4])
+def test_lamp_with_a_size_is_the_mean_over_its_disc(roughness, rng):
+    """A glossy panel shows a lamp of 60 mm as it would show points spread over it, mirrored and aside."""
+    skin = matt(0.0)
+    skin[..., materials.SPECULAR], skin[..., materials.ROUGHNESS] = 0.9, roughness
+    disc = 0.06 * np.sqrt((np.arange(2000) + 0.5) / 2000) * np.exp(2j * np.pi * 0.618034 * np.arange(2000))
+    points = np.stack([disc.real, disc.imag, 0 * disc.real], -1)
+    many = panel_skin(skin, shading.Lamps(points, np.full((2000, 3), 1 / 2000), np.zeros(2000)))
+    one = panel_skin(skin, lamp([0, 0, 0])._replace(radius_m=np.full(1, 0.06)))
+    point = panel_skin(skin, lamp([0, 0, 0]))
+    assert one == pytest.approx(many, rel=0.03)
+    assert point[20, 30, 0] > (1 + (0.5 * 0.06 / 0.509 / roughness) ** 2) * 0.98 * many[20, 30, 0]
