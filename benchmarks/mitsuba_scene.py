@@ -1,0 +1,261 @@
+"""The bench's scene in Mitsuba 3 (variant scalar_rgb): its own shapes, materials, lamps and rays.
+
+Light is linear, so each material is the sum of layers that Mitsuba has as plugins, one scene each:
+``diffuse`` (Lambert) and ``principled`` with metallic 1 (GGX, Smith, Schlick).  Only the retro-reflected
+lobe has no plugin; it is a small BSDF here.  Every sensor sample goes through a pixel's centre, so that no
+filter hides a difference; finer cameras sample finer.  The bench's ambient term is no light of this scene.
+"""
+
+from __future__ import annotations
+
+import cv2
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("scalar_rgb")
+
+from lmmap import materials, shading  # noqa: E402
+from lmmap.scene import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
+
+LAYERS = ("diffuse", "microfacet", "retro")
+SEGMENTS = 1440  # of the ring: its chords stay within 0.2 um of the circle
+LIFT_M = 2e-5  # of the markers over the plate, so that rays tell them apart
+
+
+class Retro(mi.BSDF):
+    """A lobe around the direction of the light: peak exp(-angle^2 / width^2), in radiance per irradiance."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.m_components = [mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide]
+        self.m_flags = self.m_components[0]
+
+    def eval(self, ctx, si, wo, active=True):
+        if si.wi.z <= 0 or wo.z <= 0:
+            return mi.Color3f(0.0)
+        angle = np.arccos(min(si.wi.x * wo.x + si.wi.y * wo.y + si.wi.z * wo.z, 1.0))
+        lobe = shading.RETRO_PEAK_SR * np.exp(-((angle / shading.RETRO_WIDTH_RAD) ** 2))
+        return mi.Color3f(float(lobe * wo.z))
+
+    def pdf(self, ctx, si, wo, active=True):
+        return 0.0
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        return mi.BSDFSample3f(), mi.Color3f(0.0)
+
+    def to_string(self):
+        return "Retro[]"
+
+
+mi.register_bsdf("retro", Retro)
+
+
+def mesh(name, vertices, faces, bsdf, uv=None) -> mi.Mesh:
+    """Triangles with a face's normal each; ``uv`` (N, 2) when a texture needs them."""
+    properties = mi.Properties()
+    properties["bsdf"] = bsdf
+    shape = mi.Mesh(name, len(vertices), len(faces), has_vertex_texcoords=uv is not None, props=properties)
+    arrays = mi.traverse(shape)
+    arrays["vertex_positions"] = np.ravel(vertices).astype(np.float32)
+    arrays["faces"] = np.ravel(faces).astype(np.uint32)
+    if uv is not None:
+        arrays["vertex_texcoords"] = np.ravel(uv).astype(np.float32)
+    arrays.update()
+    return shape
+
+
+def texture(values) -> dict:
+    """A map over the panel; ``values`` (rows, columns[, 3]) with row 0 at the least y."""
+    values = np.ascontiguousarray(np.atleast_3d(values), np.float32)
+    return {"type": "bitmap", "bitmap": mi.Bitmap(values), "raw": True, "wrap_mode": "clamp"}
+
+
+def material(layer, diffuse, specular, alpha) -> dict:
+    """One layer of a material from numbers or textures, or ``half``: half the sum of the first two; ``alpha``
+    is the root of GGX's."""
+    matt = {"type": "diffuse", "reflectance": diffuse}
+    glossy = {"type": "principled", "metallic": 1.0, "base_color": specular, "roughness": alpha}
+    if layer == "half":
+        return {"type": "blendbsdf", "weight": 0.5, "matt": matt, "glossy": glossy}
+    return matt if layer == "diffuse" else glossy
+
+
+def part(layer, surface):
+    """One layer of a part of the port, seen from both sides."""
+    if layer == "retro":
+        lobe = {"type": "retro"} if surface in (RING, MARKER) else black()
+        return mi.load_dict({"type": "twosided", "bsdf": lobe})
+    diffuse, specular, alpha = (float(v) for v in shading.PARTS[surface])
+    nested = material(layer, rgb(diffuse), rgb(specular), float(np.sqrt(alpha)))
+    return mi.load_dict({"type": "twosided", "bsdf": nested})
+
+
+def rgb(value):
+    return {"type": "rgb", "value": [float(v) for v in np.broadcast_to(value, 3)]}
+
+
+def black():
+    return {"type": "diffuse", "reflectance": rgb(0.0)}
+
+
+def panel_materials(layer, skin):
+    """The skin with and without its slopes: for the panel's face and for its sides."""
+    if layer == "retro":
+        flat = mi.load_dict(black())
+        return flat, flat
+    nested = material(
+        layer,
+        texture(skin[..., materials.DIFFUSE]),
+        texture(skin[..., materials.SPECULAR]),
+        texture(np.sqrt(skin[..., materials.ROUGHNESS])),
+    )
+    slope = skin[..., materials.SLOPE]
+    normals = np.dstack([-slope, np.ones(slope.shape[:2], np.float32)])
+    bumpy = {"type": "normalmap", "normalmap": texture((normals + 1) / 2), "arbitrary": nested}
+    return mi.load_dict({"type": "twosided", "bsdf": bumpy}), mi.load_dict(
+        {"type": "twosided", "bsdf": nested}
+    )
+
+
+def shapes(solid, skin, layer) -> dict:
+    """Every surface under the name of what it is."""
+    low, high = (*solid.panel_low, solid.panel_bottom), (*solid.panel_high, solid.panel_top)
+    corner = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    uv = (corner[:, :2] - solid.panel_low) / (solid.panel_high - solid.panel_low)
+    face, side = panel_materials(layer, skin)
+    front = np.array([[4, 5, 7], [4, 7, 6]])
+    rest = [[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7],
+            [1, 7, 5]]  # fmt: skip
+    found = {
+        "panel face": mesh("face", corner, front, face, uv),
+        "panel": mesh("sides", corner, rest, side, uv),
+    }
+
+    a = np.arange(SEGMENTS) * 2 * np.pi / SEGMENTS
+    circle = np.stack([np.cos(a), np.sin(a), 0 * a], -1)
+    i, j = np.arange(SEGMENTS), (np.arange(SEGMENTS) + 1) % SEGMENTS
+    ring = np.concatenate([solid.ring_inner * circle, solid.ring_outer * circle])
+    quads = np.concatenate(
+        [np.stack([i, i + SEGMENTS, j + SEGMENTS], -1), np.stack([i, j + SEGMENTS, j], -1)]
+    )
+    found["ring"] = mesh("ring", ring, quads, part(layer, RING))
+    for name, radius, top in (
+        ("outer wall", solid.ring_outer, 0.0),
+        ("inner wall", solid.ring_inner, 0.0),
+        ("stem", solid.stem, solid.plate_height),
+    ):
+        found[name] = mi.load_dict(
+            {"type": "cylinder", "p0": [0, 0, solid.panel_top], "p1": [0, 0, top], "radius": radius,
+             "bsdf": part(layer, BODY)}
+        )  # fmt: skip
+
+    sides = np.arange(6) * np.pi / 3 + np.pi / 6
+    hexagon = solid.plate_apothem / np.cos(np.pi / 6) * np.stack([np.cos(sides), np.sin(sides)], -1)
+    hexagon = np.column_stack([hexagon, np.full(6, solid.plate_height)])
+    fan = [[0, k, k + 1] for k in range(1, 5)]
+    found["plate"] = mesh("plate", hexagon, fan, part(layer, PLATE))
+    quad = [[0, 1, 2], [0, 2, 3]]
+    for k, (c, s) in enumerate(solid.sectors):
+        radial = solid.marker_radius + solid.marker_half[1] * np.array([-1, 1, 1, -1])
+        along = solid.marker_half[0] * np.array([-1, -1, 1, 1])
+        marker = np.stack([radial * c - along * s, radial * s + along * c], -1)
+        marker = np.column_stack([marker, np.full(4, solid.plate_height + LIFT_M)])
+        found[f"marker {k}"] = mesh("marker", marker, quad, part(layer, MARKER))
+        base, tangent, up, _ = solid.petals[k]
+        (foot, tip), rise = solid.petal_half_widths, solid.petal_length
+        petal = [base - foot * tangent, base + foot * tangent, base + rise * up + tip * tangent,
+                 base + rise * up - tip * tangent]  # fmt: skip
+        found[f"petal {k}"] = mesh("petal", petal, quad, part(layer, PETAL))
+    return found
+
+
+SURFACE = {"panel face": PANEL, "panel": PANEL, "ring": RING, "outer wall": BODY, "inner wall": BODY,
+           "stem": BODY, "plate": PLATE, "marker": MARKER, "petal": PETAL}  # fmt: skip
+
+
+def scene(solid, skin, layer, emitters, integrator, T_cam_port, camera, samples=1, jitter=False) -> mi.Scene:
+    """The bench as Mitsuba sees it; ``camera`` must be centred and undistorted, with square pixels."""
+    centre = (np.array(camera.size_px) - 1) / 2
+    if camera.distortion or camera.fx_px != camera.fy_px or np.any(centre != camera.K[:2, 2]):
+        raise ValueError(f"scene: camera must be centred, undistorted, of square pixels, got {camera}")
+    to_world = np.eye(4)
+    to_world[:3, :3] = T_cam_port.inverse.rotation @ np.diag([-1, -1, 1])  # Mitsuba's x is left, y is up
+    to_world[:3, 3] = T_cam_port.inverse.position_m
+    sensor = {
+        "type": "perspective",
+        "fov": float(2 * np.rad2deg(np.arctan(camera.width_px / (2 * camera.fx_px)))),
+        "fov_axis": "x",
+        "near_clip": 1e-3,
+        "to_world": mi.ScalarTransform4f(to_world),
+        "film": {
+            "type": "hdrfilm",
+            "width": camera.width_px,
+            "height": camera.height_px,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        },
+        "sampler": {"type": "stratified", "sample_count": samples, "jitter": jitter},
+    }  # fmt: skip
+    lights = {f"lamp {i}": emitter for i, emitter in enumerate(emitters)}
+    return mi.load_dict(
+        {"type": "scene", "integrator": integrator, "sensor": sensor, **lights, **shapes(solid, skin, layer)}
+    )
+
+
+def points(lamps, T_cam_port) -> list[dict]:
+    """Lamps without a size."""
+    positions = T_cam_port.inverse @ lamps.position_m
+    return [
+        {"type": "point", "position": [float(v) for v in p], "intensity": rgb(i)}
+        for p, i in zip(positions, lamps.intensity, strict=True)
+    ]
+
+
+def spheres(lamps, T_cam_port) -> list[dict]:
+    """Lamps as glowing spheres of their own radius: radiance = intensity / (pi radius^2)."""
+    positions = T_cam_port.inverse @ lamps.position_m
+    return [
+        {"type": "sphere", "center": [float(v) for v in p], "radius": float(r),
+         "emitter": {"type": "area", "radiance": rgb(i / (np.pi * r * r))}}
+        for p, i, r in zip(positions, lamps.intensity, lamps.radius_m, strict=True)
+    ]  # fmt: skip
+
+
+def direct(samples=1) -> dict:
+    return {"type": "direct", "emitter_samples": samples, "bsdf_samples": 0, "hide_emitters": True}
+
+
+def render(solid, skin, emitters, T_cam_port, camera, layers=LAYERS) -> np.ndarray:
+    """Radiance (H, W, 3) under lamps that are points: one ray a pixel, the sum over lamps and layers."""
+    total = np.zeros((camera.height_px, camera.width_px, 3))
+    for layer in layers:
+        for lamp in emitters:
+            total += mi.render(scene(solid, skin, layer, [lamp], direct(), T_cam_port, camera))
+    return total
+
+
+def surfaces(solid, skin, T_cam_port, camera) -> np.ndarray:
+    """What each pixel's centre sees, (H, W), as the numbers of `lmmap.scene`."""
+    aov = {"type": "aov", "aovs": "what:shape_index"}
+    seen = scene(solid, skin, "diffuse", [], aov, T_cam_port, camera)
+    index = np.array(mi.render(seen))[..., -1].round().astype(int)
+    number = [SURFACE.get(s.id(), SURFACE.get(s.id().rsplit(" ", 1)[0])) for s in seen.shapes()]
+    return np.array([0, *number])[index]
+
+
+def disagreement(ours, theirs, seen) -> tuple[float, float]:
+    """Median and 95th percentile of the relative difference of luminance over lit pixels of the panel and
+    the port, one-pixel edges between surfaces left out."""
+    rec709 = np.array([0.2126, 0.7152, 0.0722])
+    a, b = (image[..., 0] if image.shape[-1] == 1 else image @ rec709 for image in (ours, theirs))
+    seen = seen.astype(np.uint8)
+    edge = cv2.dilate(seen, np.ones((3, 3))) != cv2.erode(seen, np.ones((3, 3)))
+    lit = (b > 0) & (seen > 0) & ~edge
+    median, p95 = np.percentile(np.abs(a[lit] - b[lit]) / b[lit], [50, 95])
+    return float(median), float(p95)
+
+
+def overlap(a, b) -> float:
+    """Intersection over union of two masks, 1 if both are empty."""
+    return float((a & b).sum() / max((a | b).sum(), 1)) if np.any(a | b) else 1.0
