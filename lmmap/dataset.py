@@ -11,6 +11,7 @@ import os
 import shutil
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -97,26 +98,27 @@ def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = ""
     return folder
 
 
-def make_sequence(name: str, folder: Path) -> Path:
+def make_sequence(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS, count: int = SAMPLES) -> Path:
     """Simulate a sequence and keep its samples in ``folder/NAME``, unless they are there."""
     if not (folder / name).is_dir():
-        recording = sequences.simulate(name, SEQUENCE_SECONDS)
-        write_samples(folder / name, samples(recording), fingerprint(patterns=BENCH))
+        recording = sequences.simulate(name, seconds)
+        write_samples(folder / name, samples(recording, count), fingerprint(patterns=BENCH))
     return folder / name
 
 
-def make(names: Iterable[str], folder: Path, processes: int | None = None, report=print) -> None:
-    """Make the samples of many sequences in parallel; an interrupted run goes on where it was."""
+def make(names: Iterable[str], folder: Path, processes: int | None = None, report=print, **size) -> None:
+    """Make the samples of many sequences in parallel (``size``: seconds and count of `make_sequence`);
+    memory holds one sequence per process, and an interrupted run goes on where it was."""
     absent = [name for name in names if not (folder / name).is_dir()]
     processes = min(processes or os.cpu_count() or 1, len(absent))
     if processes <= 1:
         for i, name in enumerate(absent):
-            make_sequence(name, folder)
+            make_sequence(name, folder, **size)
             report(f"training set: {name}, {i + 1} of {len(absent)}")
         return
     context = multiprocessing.get_context("spawn")  # threads of numba and torch do not survive a fork
     with ProcessPoolExecutor(processes, context, initializer=_one_thread) as pool:
-        jobs = {pool.submit(make_sequence, name, folder): name for name in absent}
+        jobs = {pool.submit(make_sequence, name, folder, **size): name for name in absent}
         for i, job in enumerate(as_completed(jobs)):
             job.result()
             report(f"training set: {jobs[job]}, {i + 1} of {len(absent)}")
@@ -126,6 +128,11 @@ def _one_thread() -> None:
     import numba
 
     numba.set_num_threads(1)
+
+
+@lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
+def _mapped(path: Path) -> np.ndarray:
+    return np.load(path, mmap_mode="r")
 
 
 class Samples:
@@ -144,7 +151,7 @@ class Samples:
         self._where = [(n, i) for n in self.names for i in range(len(self._array(n, "_labels")))]
 
     def _array(self, name: str, what: str = "") -> np.ndarray:
-        return np.load(self.folder / name / f"{self.modality}{what}.npy", mmap_mode="r")
+        return _mapped(self.folder / name / f"{self.modality}{what}.npy")
 
     def __len__(self) -> int:
         return len(self._where)

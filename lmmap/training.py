@@ -87,8 +87,8 @@ def _crop(samples, recipe, rng):
     if robust:
         events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
     corner = rng.integers(0, np.array(mask.shape) - size + 1)
-    active = np.flatnonzero(mask)
-    if len(active) and rng.random() < recipe.positive_crops:
+    active = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
+    if len(active):
         one = np.array(np.unravel_index(active[rng.integers(len(active))], mask.shape))
         corner = np.clip(one - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
     window = tuple(slice(a, a + size) for a in corner)
