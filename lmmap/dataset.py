@@ -6,14 +6,13 @@ of them are then the N-event histogram whose middle is that time, for any N: one
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import shutil
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache
 from pathlib import Path
 
+import joblib
 import numpy as np
 
 from . import sequences
@@ -27,7 +26,8 @@ SEQUENCE_SECONDS, SAMPLES = 2.5, 10
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
 BENCH = [
-    f"lmmap/{name}.py" for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "sequences")
+    f"lmmap/{name}.py"
+    for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
 ]
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
@@ -110,24 +110,10 @@ def make(names: Iterable[str], folder: Path, processes: int | None = None, repor
     """Make the samples of many sequences in parallel (``size``: seconds and count of `make_sequence`);
     memory holds one sequence per process, and an interrupted run goes on where it was."""
     absent = [name for name in names if not (folder / name).is_dir()]
-    processes = min(processes or os.cpu_count() or 1, len(absent))
-    if processes <= 1:
-        for i, name in enumerate(absent):
-            make_sequence(name, folder, **size)
-            report(f"training set: {name}, {i + 1} of {len(absent)}")
-        return
-    context = multiprocessing.get_context("spawn")  # threads of numba and torch do not survive a fork
-    with ProcessPoolExecutor(processes, context, initializer=_one_thread) as pool:
-        jobs = {pool.submit(make_sequence, name, folder, **size): name for name in absent}
-        for i, job in enumerate(as_completed(jobs)):
-            job.result()
-            report(f"training set: {jobs[job]}, {i + 1} of {len(absent)}")
-
-
-def _one_thread() -> None:
-    import numba
-
-    numba.set_num_threads(1)
+    tasks = [joblib.delayed(make_sequence)(name, folder, **size) for name in absent]
+    done = joblib.Parallel(processes or os.cpu_count(), return_as="generator_unordered")(tasks)
+    for i, path in enumerate(done):
+        report(f"training set: {path.name}, {i + 1} of {len(absent)}")
 
 
 @lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
