@@ -10,7 +10,7 @@ import numpy as np
 from . import circle, ellipse, yaw
 from .core import PAPER, Camera, Ellipse, Estimate, Port, Pose, Recording, Settings, Status
 from .events import histogram, windows, windows_before
-from .filters import FILTERS, crop_bounds, load_filter, weight_path
+from .filters import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
 from .geometry import undistort_points
 
 REFLECTOR_MARGIN = 0.35  # of the ring's box: how far parallax moves the raised markers out of it
@@ -26,21 +26,26 @@ class Estimator:
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        ``"low"`` or ``"high"`` domain gap as shipped, or a folder with files of the same names.
+        One of `DOMAIN_GAPS` as shipped, or a folder with files named as the low-domain-gap ones.
     settings
         Default: the paper's.
+    precision
+        Of the filters; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
     """
 
     def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
-                 weights: str | Path = "low", settings: Settings = PAPER):  # fmt: skip
+                 weights: str | Path = "low", settings: Settings = PAPER,
+                 precision: str = "auto"):  # fmt: skip
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
         self.modality, self.settings = modality, settings
-        shipped = weights in ("low", "high")
+        shipped = weights in DOMAIN_GAPS
         paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
         folder = paths[0].parent if shipped else Path(weights)
-        self.ring_filter, self.reflector_filter = (load_filter(folder / p.name, modality) for p in paths)
+        self.ring_filter, self.reflector_filter = (
+            load_filter(folder / p.name, modality, precision) for p in paths
+        )
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
         """The estimate of one image; a failed measurement is a status, not an exception.

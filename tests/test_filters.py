@@ -1,24 +1,30 @@
 """The network's promises: size, locality, exact crops, safe loading."""
 
-import json
-
 import numpy as np
 import pytest
 import torch
 
+from lmmap import cli
 from lmmap.core import InputError
 from lmmap.filters import (
     CHANNELS,
+    FILTERS,
     RECEPTIVE_RADIUS_PX,
+    WEIGHTS,
     Filter,
     FilterNet,
+    best_precision,
     crop_bounds,
     encode,
     load_card,
     load_filter,
     save_weights,
+    up_to_one_channel,
     weight_path,
 )
+from lmmap.pipeline import images
+from lmmap.recordings import open_recording
+from lmmap.results import DATA
 
 
 def net(modality="event", seed=0):
@@ -54,7 +60,7 @@ def test_locality():
 
 
 def test_crop_equals_full_frame_and_a_smaller_margin_does_not(rng):
-    filter_ = Filter(net(), "event")
+    filter_ = Filter(net(), "event", "float32")
     image = rng.integers(0, 6, (260, 346))
     full = filter_(image)
     low, high = np.array([101, 83]), np.array([190, 150])
@@ -67,6 +73,42 @@ def test_crop_equals_full_frame_and_a_smaller_margin_does_not(rng):
     tight = np.zeros_like(full)
     tight[tight_rows, columns] = filter_(image[tight_rows, columns])
     assert np.abs(tight - full)[inside].max() > 1e-4
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 4), (9, 13)])
+def test_last_layer_equals_the_transposed_convolution(size):
+    torch.manual_seed(1)
+    layer = torch.nn.ConvTranspose2d(6, 1, 3, stride=2, padding=1, output_padding=1).double()
+    x = torch.rand(2, 6, *size, dtype=torch.double)
+    with torch.inference_mode():
+        assert torch.allclose(up_to_one_channel(x, layer.weight, layer.bias), layer(x), atol=1e-12)
+
+
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_bfloat16_finds_the_same_mask(modality):
+    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    _, image = list(images(recording, modality))[10]
+    path = weight_path("ring", modality)
+    plain, fast = (load_filter(path, modality, p)(image) for p in ("float32", "bfloat16"))
+    assert fast.dtype == np.float32
+    assert ((plain > 0.5) & (fast > 0.5)).sum() >= 0.98 * ((plain > 0.5) | (fast > 0.5)).sum() > 0
+
+
+def test_precision_is_one_that_the_processor_has_or_that_was_asked_for():
+    assert Filter(net(), "event").precision == best_precision() in ("float32", "bfloat16")
+    assert Filter(net(), "event", "float32").precision == "float32"
+    with pytest.raises(ValueError, match="float64"):
+        Filter(net(), "event", "float64")
+
+
+@pytest.mark.parametrize("size", [(1, 1), (61, 480), (480, 640)])
+def test_any_size_works_and_a_padded_image_gives_the_same_mask(size, rng):
+    """Sizes never trained on: what zero-padding adds at the right and below changes nothing."""
+    filter_, image = Filter(net(), "event", "float32"), rng.integers(0, 6, size)
+    mask = filter_(image)
+    whole = np.pad(image, [(0, -n % 8) for n in size])
+    assert mask.shape == size
+    assert np.abs(filter_(whole)[: size[0], : size[1]] - mask).max() < 1e-5
 
 
 def test_prior_is_the_first_output():
@@ -87,7 +129,8 @@ def test_weights_round_trip_in_half_precision(tmp_path, rng):
     save_weights(model, path, {"command": "none"})
     image = rng.integers(0, 6, (64, 64))
     assert load_card(path)["command"] == "none"
-    assert np.abs(load_filter(path, "event")(image) - Filter(model, "event")(image)).max() < 0.02
+    loaded = load_filter(path, "event", "float32")
+    assert np.abs(loaded(image) - Filter(model, "event", "float32")(image)).max() < 0.02
 
 
 def test_damaged_weights_are_one_clear_error(tmp_path):
@@ -105,26 +148,39 @@ def test_damaged_weights_are_one_clear_error(tmp_path):
     path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
     with pytest.raises(InputError, match="hash differs"):
         load_filter(path, "event")
+    broken = net()
+    torch.nn.init.constant_(broken.down[0].bias, torch.nan)
+    save_weights(broken, path, {})
+    with pytest.raises(InputError, match="not finite"):
+        load_filter(path, "event")
 
 
 def test_bad_images():
     filter_ = Filter(net(), "event")
     with pytest.raises(ValueError, match="shape"):
         filter_(np.zeros((8, 8, 3)))
+    with pytest.raises(ValueError, match="shape"):
+        filter_(np.zeros((0, 8)))
     with pytest.raises(ValueError, match="NaN"):
         filter_(np.full((8, 8), np.nan))
 
 
-@pytest.mark.parametrize("name", ["ring", "reflector"])
-@pytest.mark.parametrize("modality", ["rgb", "event"])
-@pytest.mark.parametrize("gap", ["low", "high"])
-def test_shipped_weights_load_and_say_how_they_were_made(name, modality, gap):
-    path = weight_path(name, modality, gap)
+def test_weights_of_every_modality_and_filter_ship():
+    """What `lmmap reproduce` needs; the robust set is complete or absent."""
+    for gap in ("low", "high"):
+        assert all(weight_path(f, m, gap).exists() for f in FILTERS for m in CHANNELS)
+    robust = [weight_path(f, m, "robust").exists() for f in FILTERS for m in CHANNELS]
+    assert all(robust) or not any(robust)
+    assert ("robust" if all(robust) else "low") == cli.SHIPPED
+
+
+@pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)
+def test_shipped_weights_load_and_say_how_they_were_made(path):
+    name, modality, gap = path.stem.split("-")
     load_filter(path, modality)
     card = load_card(path)
-    assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality}")
+    assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality} --domain-gap {gap}")
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])
     kinds = {s.split("-")[0] for s in card["training_sequences"] + card["validation_sequences"]}
     assert kinds == ({"augmented"} if gap == "high" else {"augmented", "realistic"})
-    assert json.dumps(card)

@@ -1,4 +1,4 @@
-"""Training: the split, the batches, and a run that was killed and went on."""
+"""Training: the batches, and a run that was killed and went on."""
 
 import json
 
@@ -7,7 +7,10 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from lmmap import filters, training
+from lmmap import augment, dataset, filters, training
+from lmmap.core import InputError
+
+SHAPE = (100, 104)
 
 
 @pytest.fixture
@@ -15,77 +18,138 @@ def toy(tmp_path, monkeypatch, rng):
     """Ten sequences of two small images with a bright square as the ring."""
     names = [f"augmented-{i}" for i in range(10)]
     for name in names:
-        images, masks = rng.integers(0, 3, (2, 100, 104)).astype(np.uint8), np.zeros((2, 2, 100, 104), bool)
+        labels = np.zeros((2, *SHAPE), np.uint8)
         row, column = rng.integers(20, 60, 2)
-        masks[:, :, row : row + 12, column : column + 12] = True
-        images[masks[:, 0]] = 7
-        rgb = np.repeat(images[..., None], 3, -1)
-        np.savez(tmp_path / f"{name}.npz", rgb=rgb, rgb_masks=masks, event=images, event_masks=masks)
-    monkeypatch.setattr(training, "SETS", {"low": names})
+        labels[:, row : row + 12, column : column + 12] = 3
+        counts = np.where(labels > 0, 7, rng.integers(0, 3, labels.shape))
+        events = np.full((2, 3 * counts[0].size), dataset.NO_EVENT, np.uint32)
+        for line, image in zip(events, counts, strict=True):
+            pixels = rng.permutation(np.repeat(np.arange(image.size), image.ravel()))
+            line[: len(pixels)] = pixels
+        arrays = dict(rgb=np.repeat(30 * counts[..., None], 3, -1).astype(np.uint8), rgb_labels=labels)
+        dataset.write_samples(tmp_path / name, {**arrays, "event": events, "event_labels": labels}, "toy")
+    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in filters.DOMAIN_GAPS})
     monkeypatch.setattr(filters, "WEIGHTS", tmp_path)
     return tmp_path
 
 
-def test_split_is_by_sequence_and_complete():
-    train, validate = training.split(training.SETS["low"])
-    assert not set(train) & set(validate)
-    assert sorted(train + validate) == sorted(training.SETS["low"])
-    assert len(validate) == pytest.approx(0.2 * len(training.SETS["low"]), abs=1)
-    assert {n.split("-")[0] for n in validate} == {"augmented", "realistic"}
+def quiet(line):
+    pass
 
 
-def test_batches_repeat_and_masks_follow_their_images(toy):
-    images, masks = training.load([f"augmented-{i}" for i in range(10)], "ring", "event", toy)
-    recipe = training.Recipe("ring", "event", batch=4)
-    x, y = training.batch(images, masks, recipe, 7)
-    again = training.batch(images, masks, recipe, 7)[0]
-    assert torch.equal(x, again)
-    assert not torch.equal(x, training.batch(images, masks, recipe, 8)[0])
+@pytest.mark.parametrize("gap", ["low", "robust"])
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_batches_are_a_function_of_seed_and_step(toy, gap, modality):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", modality, toy)
+    recipe = training.Recipe("ring", modality, gap, batch=4, crop_px=48)
+    x, y = training.batch(samples, recipe, 7)
+    assert x.shape == (4, filters.CHANNELS[modality], 48, 48)
+    assert y.shape == (4, 1, 48, 48)
+    assert set(y.unique().tolist()) <= {0, 1}
+    again = training.batch(samples, recipe, 7)
+    assert torch.equal(x, again[0])
+    assert torch.equal(y, again[1])
+    assert not torch.equal(x, training.batch(samples, recipe, 8)[0])
+
+
+def test_masks_follow_their_images(toy):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+    x, y = training.batch(samples, training.Recipe("ring", "event", batch=8), 3)
     assert torch.equal(x > 0.5, y > 0.5)
 
 
-def test_a_killed_run_ends_as_an_unbroken_one(toy):
-    recipe = training.Recipe("ring", "event", steps=6, batch=2)
+def test_most_crops_hold_positives(toy):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+
+    def share(positive):
+        recipe = training.Recipe("ring", "event", batch=40, crop_px=24, positive_crops=positive)
+        return training.batch(samples, recipe, 0)[1].amax((1, 2, 3)).mean()
+
+    assert share(1.0) == 1
+    assert share(0.0) < 0.6
+
+
+@pytest.mark.parametrize("gap", ["low", "robust"])
+def test_a_killed_run_ends_as_an_unbroken_one(toy, gap):
+    recipe = training.Recipe("ring", "event", gap, steps=6, batch=2)
 
     def final(stop_at=None):
-        (toy / "ring-event-low-0.ckpt.safetensors").unlink(missing_ok=True)
+        (toy / f"ring-event-{gap}-0.ckpt.safetensors").unlink(missing_ok=True)
         if stop_at:
             _run(recipe, toy, stop_at)
-        path = training.train(recipe, toy, report=lambda line: None)
-        return json.loads(path.with_suffix(".json").read_text())["curve"][-1]
+        card = training.train(recipe, toy, quiet).with_suffix(".json")
+        last = json.loads(card.read_text())["curve"][-1]
+        return last["loss"], last["iou"]
 
-    assert final(stop_at=3) == final()
+    assert final(stop_at=4) == final()
 
 
 def _run(recipe, folder, steps):
-    """The first steps of a run, ended by a checkpoint and an exception."""
+    """The first steps of a run, ended by an exception one step after its checkpoint."""
 
     class Killed(Exception):
         pass
 
     original = training.batch
 
-    def batch(images, masks, recipe, step):
+    def batch(samples, recipe, step):
         if step == steps:
             raise Killed
-        return original(images, masks, recipe, step)
+        return original(samples, recipe, step)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "CHECKPOINT_STEPS", 3)
+        patch.setattr(training, "CHECKPOINT_STEPS", steps - 1)
         patch.setattr(training, "batch", batch)
         with pytest.raises(Killed):
-            training.train(recipe, folder, report=lambda line: None)
+            training.train(recipe, folder, quiet)
 
 
-def test_checkpoints_hold_no_pickle(toy):
-    training.train(training.Recipe("ring", "event", steps=2, batch=2), toy, report=lambda line: None)
-    with safe_open(toy / "ring-event-low-0.ckpt.safetensors", "pt") as file:
-        assert json.loads(file.metadata()["recipe"])["steps"] == 2
+def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_error(toy):
+    first = training.Recipe("ring", "event", steps=1, batch=2)
+    training.train(first, toy, quiet)
+    path = toy / "ring-event-low-0.ckpt.safetensors"
+    with safe_open(path, "pt") as file:  # tensors and text: nothing that runs
+        assert json.loads(file.metadata()["recipe"])["steps"] == 1
+    other = training.Recipe("ring", "event", steps=2, batch=2)
+    curve = json.loads(training.train(other, toy, quiet).with_suffix(".json").read_text())["curve"]
+    assert [p["step"] for p in curve] == [2]
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(InputError, match="no readable checkpoint"):
+        training.train(other, toy, quiet)
 
 
-def test_learns_a_bright_square(toy):
-    path = training.train(
-        training.Recipe("ring", "event", steps=40, batch=8, warm_up=5), toy, lambda line: None
-    )
-    curve = json.loads(path.with_suffix(".json").read_text())["curve"]
-    assert curve[-1]["iou"] > 0.8
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_learns_a_bright_square_and_says_how(toy, modality):
+    lines = []
+    recipe = training.Recipe("ring", modality, steps=40, batch=8, warm_up=5)
+    path = training.train(recipe, toy, lines.append)
+    card = json.loads(path.with_suffix(".json").read_text())
+    assert card["curve"][-1]["iou"] > 0.6
+    assert card["command"] == recipe.command
+    assert card["training_images"] == 16
+    assert card["bench"] == "toy"
+    assert "step 40 of 40" in lines[-1]
+    image = dataset.Samples(["augmented-4"], "ring", modality, toy).image(0)
+    assert filters.load_filter(path, modality)(image).shape == SHAPE
+
+
+def test_a_recipe_refuses_what_it_does_not_know():
+    with pytest.raises(ValueError, match="filter is one of"):
+        training.Recipe("rings", "event")
+    with pytest.raises(InputError, match="at least 1"):
+        training.Recipe("ring", "event", steps=0)
+
+
+def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
+    """Only the robust set varies N."""
+    asked = []
+    original = dataset.Samples.image
+    monkeypatch.setattr(dataset.Samples, "image", lambda self, i, n: asked.append(n) or original(self, i, n))
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+    training.batch(samples, training.Recipe("ring", "event", "low", batch=4), 0)
+    assert set(asked) == {training.PAPER.events_per_window}
+    asked.clear()
+    training.batch(samples, training.Recipe("ring", "event", "robust", batch=4), 0)
+    low, high = np.array(augment.HISTOGRAM_EVENTS) * training.PAPER.events_per_window
+    assert len(set(asked)) == 4
+    assert low <= min(asked) < max(asked) <= high

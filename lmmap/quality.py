@@ -1,0 +1,93 @@
+"""How well the filters' masks fit the true ones: overlap, and the distance of their skeletons."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import distance_transform_edt
+from skimage.morphology import skeletonize
+
+from . import pipeline, sequences
+from .core import PAPER, Port, Recording, Settings
+from .filters import FILTERS, load_filter, weight_path
+from .geometry import in_view
+from .shading import ray_grid
+
+COLUMNS = ["t_us", "filter", "modality", "domain_gap", "iou", "skeleton_px", "missed", "mask_px", "truth_px"]
+
+
+def iou(mask, truth) -> float:
+    """Intersection over union of two boolean masks; 1 if both are empty."""
+    union = (mask | truth).sum()
+    return float((mask & truth).sum() / union) if union else 1.0
+
+
+def skeleton_distance_px(mask, truth) -> float:
+    """Median distance of the mask's skeleton from the nearest pixel of the true one's; NaN if either is
+    empty.  Ellipses are fitted to the skeleton, so this is the error that they see."""
+    found, true = skeletonize(mask), skeletonize(truth)
+    if not found.any() or not true.any():
+        return np.nan
+    return float(np.median(distance_transform_edt(~true)[found]))
+
+
+def missed_share(mask, truth, within_px: float = 2.0) -> float:
+    """Share of the true skeleton that has no found pixel near; NaN without truth."""
+    true = skeletonize(truth)
+    if not true.any():
+        return np.nan
+    away_px = distance_transform_edt(~mask) if mask.any() else np.full(mask.shape, np.inf)
+    return float((away_px[true] > within_px).mean())
+
+
+def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("rgb", "event"),
+                   most: int = 60, port: Port | None = None, settings: Settings = PAPER,
+                   precision: str = "auto") -> pd.DataFrame:  # fmt: skip
+    """Every filter of one set on a recording whose truth is known, full frames, ring in view only.
+
+    Parameters
+    ----------
+    recording : with truth
+    most : images per modality, spread evenly over those in view
+
+    Returns
+    -------
+    DataFrame
+        A row per image and filter: ``t_us, filter, modality, domain_gap, iou, skeleton_px, missed,
+        mask_px, truth_px``.  A mask that is empty where it should not be has IoU 0 and stays in.
+    """
+    if recording.truth is None:
+        raise ValueError("filter_quality: expected a recording with truth, got one without")
+    port, rows = port or Port.lm_map(), []
+    rays = ray_grid(recording.camera, 4)
+    for modality in modalities:
+        filters = [load_filter(weight_path(f, modality, domain_gap), modality, precision) for f in FILTERS]
+        for t_us, image in _seen(recording, modality, port, settings, most):
+            pose = recording.truth.at(np.array([t_us]))[0]
+            truth = sequences.label_masks(pose, port, recording.camera, rays)
+            for name, net, true in zip(FILTERS, filters, truth, strict=True):
+                mask = net(image) > settings.mask_threshold
+                fit = iou(mask, true), skeleton_distance_px(mask, true), missed_share(mask, true)
+                rows.append((t_us, name, modality, domain_gap, *fit, mask.sum(), true.sum()))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _seen(recording, modality, port, settings, most) -> list:
+    """Images in which the whole ring is in view."""
+    span_us, some = recording.truth.t_us, []
+    for t_us, image in pipeline.images(recording, modality, settings):
+        if span_us[0] <= t_us <= span_us[-1]:
+            pose = recording.truth.at(np.array([t_us]))
+            if in_view(pose, port, recording.camera)[0]:
+                some.append((t_us, image))
+    pick = np.unique(np.linspace(0, len(some) - 1, min(most, len(some))).astype(int))
+    return [some[i] for i in pick]
+
+
+def medians(table: pd.DataFrame) -> pd.DataFrame:
+    """Medians over images, and the share of images in which nothing was found (percent)."""
+    by = [c for c in ("sequence", "filter", "modality", "domain_gap") if c in table]
+    groups = table.assign(empty_percent=100.0 * (table.mask_px == 0)).groupby(by, sort=False)
+    out = groups[["iou", "skeleton_px", "missed"]].median()
+    out["empty_percent"], out["images"] = groups.empty_percent.mean(), groups.size()
+    return out.reset_index()

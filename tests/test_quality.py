@@ -1,0 +1,57 @@
+"""Measures of masks: limits, hand-worked cases, and the shipped filters on the committed recording."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lmmap.filters import CHANNELS, FILTERS
+from lmmap.quality import filter_quality, iou, medians, missed_share, skeleton_distance_px
+from lmmap.recordings import open_recording
+from lmmap.results import DATA
+
+
+def band(row, width=3, shape=(40, 60)):
+    mask = np.zeros(shape, bool)
+    mask[row - width // 2 : row + width // 2 + 1, 5:55] = True
+    return mask
+
+
+def test_overlap_by_hand_and_its_limits():
+    empty = np.zeros((40, 60), bool)
+    assert iou(band(20), band(20)) == 1
+    assert iou(band(20), band(21)) == pytest.approx(2 / 4)
+    assert iou(band(20), empty) == 0
+    assert iou(empty, empty) == 1
+
+
+@pytest.mark.parametrize("shift", [0, 1, 4])
+def test_skeleton_distance_is_the_shift_and_ignores_the_stroke(shift):
+    assert skeleton_distance_px(band(20 + shift), band(20)) == pytest.approx(shift, abs=0.01)
+    assert skeleton_distance_px(band(20 + shift, 5), band(20)) == pytest.approx(shift, abs=0.01)
+
+
+def test_missed_share_of_half_a_band():
+    half = band(20)
+    half[:, 30:] = False
+    assert missed_share(half, band(20)) == pytest.approx(0.5, abs=0.06)
+    assert missed_share(band(20), band(20)) == 0
+    assert missed_share(np.zeros_like(half), band(20)) == 1
+
+
+def test_empty_masks_have_no_skeleton_distance():
+    assert np.isnan(skeleton_distance_px(np.zeros((40, 60), bool), band(20)))
+    assert np.isnan(missed_share(band(20), np.zeros((40, 60), bool)))
+
+
+def test_filters_on_the_committed_recording():
+    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    table = filter_quality(recording, "low", most=3)
+    assert len(table) == 3 * len(FILTERS) * len(CHANNELS)
+    assert table.iou.between(0, 1).all()
+    summary = medians(table).set_index(["filter", "modality"])
+    assert summary.loc[("ring", "rgb"), "iou"] > 0.5
+    assert summary.loc[("ring", "rgb"), "skeleton_px"] < 1
+    assert (summary.images == 3).all()
+    with pytest.raises(ValueError, match="truth"):
+        filter_quality(dataclasses.replace(recording, truth=None))
