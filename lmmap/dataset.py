@@ -21,8 +21,8 @@ from .filters import FILTERS
 from .results import fingerprint
 from .shading import ray_grid
 
-AUGMENTED, REALISTIC = 40, 25  # sequences of each kind
-SEQUENCE_SECONDS, SAMPLES = 2.5, 10
+AUGMENTED, REALISTIC = 240, 120  # sequences of each kind
+SEQUENCE_SECONDS, SAMPLES = 0.8, 5
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
 BENCH = [

@@ -1,0 +1,63 @@
+"""The bench against the clock: simulated seconds per second, frames and events of the test sequences.
+
+    python benchmarks/bench_bench.py              # about a minute; against Mitsuba: bench_mitsuba.py
+
+The peer is real time: a recording of the real laboratory takes a second a second.  Also what the stages
+cost, per image, on one thread.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from lmmap import dvs, sequences, shading
+from lmmap.core import Camera, Port
+
+SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
+
+
+def against_real_time() -> None:
+    sequences.simulate("test-low", 0.2)  # compiles
+    for light in LIGHTS:
+        wall, cpu = time.perf_counter(), time.process_time()
+        recording = sequences.simulate(f"test-{light}", SECONDS)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        rate = len(recording.events) / SECONDS / 1e6
+        print(
+            f"test-{light:7} {SECONDS / wall:5.2f} x real time, {cpu / SECONDS:.2f} CPU s/s, {rate:.2f} Mev/s"
+        )
+
+
+def stages(repeats: int = 15) -> None:
+    seq, camera, port = sequences.sequence("test-medium"), Camera.davis346(), Port.lm_map()
+    (solid, skin), lamps = sequences.panel(seq, port), sequences.lamps(seq)
+    poses = sequences.motion(seq, np.arange(repeats + 1) * 0.01)
+    still = sequences.backdrop(seq, camera, lamps.intensity[:, 0].sum())
+    mono, rays = shading.grey(skin, lamps, still), [shading.ray_grid(camera, n) for n in (1, 2)]
+    sensor, rng = dvs.EventSensor(camera, dvs.Sensor(), seq.rng("events")), seq.rng("frame")
+    walls = {"event image": [], "lens": [], "event sensor": [], "colour image": [], "exposure": []}
+
+    def look(what, pose, ray):
+        return shading.render(solid, what[0], what[1], pose, ray, what[2])[0]
+
+    def timed(name, function):
+        start = time.perf_counter()
+        result = function()
+        walls[name].append(1e3 * (time.perf_counter() - start))
+        return result
+
+    for i, pose in enumerate(poses):
+        light = timed("event image", lambda p=pose: look(mono, p, rays[0]))
+        light = timed("lens", lambda x=light: shading.lens(x, sequences.LENS_BLUR_PX))
+        timed("event sensor", lambda x=light, i=i: sensor(x * (255 * sequences.GAIN), 10_000 * (i + 1)))
+        colour = timed("colour image", lambda p=pose: look((skin, lamps, still), p, rays[1]))
+        timed("exposure", lambda x=colour: shading.expose(x, sequences.GAIN, rng))
+    for name, wall in walls.items():
+        print(f"{name:14} {np.median(wall[1:]):6.2f} ms")
+
+
+if __name__ == "__main__":
+    against_real_time()
+    stages()
