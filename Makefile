@@ -46,7 +46,14 @@ $(STAMP): environment.txt pyproject.toml
 reproduce: book  ## simulate, estimate, make all tables and figures, build the book
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
 
-test: env  ## run the tests
+ORACLES := .venv/.oracles
+
+$(ORACLES): tests/oracles.txt $(STAMP)
+	@echo "test: installing what tests compare with"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r tests/oracles.txt
+	@touch $@
+
+test: $(ORACLES)  ## run the tests
 	@$(BIN)/python -m pytest -q
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
@@ -73,7 +80,7 @@ lab: env  ## open the chapters as notebooks in JupyterLab
 train: env  ## train all filters anew (an interrupted run goes on)
 	@$(BIN)/python -m lmmap train
 
-bench: env  ## run the benchmarks against their peers
+bench: $(ORACLES)  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
 
 clean:  ## remove the book, derived data and caches; .venv stays

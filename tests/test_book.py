@@ -132,6 +132,15 @@ def test_every_direct_dependency_has_its_reason():
     assert sorted(rows) == sorted([*direct, "package"])
 
 
+def test_every_oracle_has_its_pin_and_its_reason():
+    text = (ROOT / "tests" / "oracles.txt").read_text()
+    pins = [line for line in text.splitlines() if not line.startswith("#")]
+    assert [pin for pin in pins if not re.fullmatch(r"[\w.-]+==[\w.]+", pin)] == []
+    direct = re.findall(r"^([\w.-]+)==", text.split("# indirect")[0], re.M)
+    section = (ROOT / "DESIGN.md").read_text().split("## Oracles")[1].split("## ")[0]
+    assert sorted(re.findall(r"^\| ([\w.-]+) \| .+ \| .+ \|$", section, re.M)) == sorted([*direct, "package"])
+
+
 def test_the_cache_is_named_by_what_pages_depend_on(tmp_path):
     spec = importlib.util.spec_from_file_location("lmmap_book", BOOK / "_ext" / "lmmap_book.py")
     extension = importlib.util.module_from_spec(spec)

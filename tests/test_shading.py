@@ -1,5 +1,7 @@
 """Laws of light: linear, inverse square, no energy from nothing, shadows, retro-reflection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import facing_pose
@@ -128,3 +130,57 @@ def test_lamp_with_a_size_is_the_mean_over_its_disc(roughness, rng):
     point = panel_skin(skin, lamp([0, 0, 0]))
     assert one == pytest.approx(many, rel=0.03)
     assert point[20, 30, 0] > (1 + (0.5 * 0.06 / 0.509 / roughness) ** 2) * 0.98 * many[20, 30, 0]
+
+
+def whole(lamps, T, rays, solid=None, skin=None):
+    black = np.zeros((*rays.shape[1:3], 3), np.float32)
+    return shading.render(solid or scene.solid(PORT), matt() if skin is None else skin, lamps, T, rays, black)
+
+
+DAVIS = shading.ray_grid(Camera.davis346(), 1)
+PAIR = shading.Lamps(
+    np.array([[0.03, 0, 0], [-1, 0.4, -0.3]]), np.array([[1.0, 1, 1], [9, 7, 5]]), np.full(2, 0.3)
+)
+
+
+def test_twice_the_light_and_half_the_exposure_is_the_same_frame():
+    tilted = facing_pose(0.5, 0.4, 0.3, [0.02, 0.01, 0.5])
+    once = whole(PAIR, tilted, DAVIS)[0]
+    twice = whole(PAIR._replace(intensity=2 * PAIR.intensity), tilted, DAVIS)[0]
+    assert twice == pytest.approx(2 * once, rel=1e-6)
+    frames = [shading.expose(light, g, np.random.default_rng(3)) for light, g in ((once, 0.2), (twice, 0.1))]
+    assert np.mean(frames[0] != frames[1]) < 1e-3 and 5 < frames[0].mean() < 250
+
+
+def test_lights_add():
+    tilted = facing_pose(0.5, 0.4, 0.3, [0.02, 0.01, 0.5])
+    parts = [whole(shading.Lamps(*(field[i : i + 1] for field in PAIR)), tilted, DAVIS)[0] for i in (0, 1)]
+    assert whole(PAIR, tilted, DAVIS)[0] == pytest.approx(sum(parts), rel=1e-5, abs=1e-6)
+
+
+def test_a_third_of_a_turn_changes_nothing():
+    """Light, shadows and labels of the port; the panel is larger than the view."""
+    port = replace(PORT, panel_size_m=(3.0, 3.0))
+    lamps = shading.Lamps(np.array([[-0.6, 0.3, 0.1]]), np.array([[5.0, 4, 3]]), np.zeros(1))
+    poses = [facing_pose(0.4, 1.0, 0.2 + k * PORT.yaw_period_rad, [0.02, 0.01, 0.5]) for k in range(3)]
+    turned = [whole(lamps, T, DAVIS, scene.solid(port)) for T in poses]
+    for radiance, cover in turned[1:]:
+        same = np.isclose(radiance, turned[0][0], rtol=1e-4, atol=1e-5).all(-1)
+        assert np.mean(~same) < 2e-4  # rays along an edge
+        assert np.mean(cover != turned[0][1]) < 2e-4
+
+
+def test_mirrored_light_gives_the_mirrored_picture():
+    """The port is its own mirror image about the plane through marker 0."""
+    one, other = (whole(lamp([0.2, y, 0.1], 3.0), FRONTAL, DAVIS) for y in (0.35, -0.35))
+    for a, b in zip(one, other, strict=True):
+        assert np.mean(~np.isclose(a, b[::-1], rtol=1e-4, atol=1e-5)) < 2e-4
+    assert np.mean(~np.isclose(one[0], other[0], rtol=1e-2)) > 0.2  # the lamp does matter
+
+
+def test_the_ring_too_falls_with_the_square_of_distance():
+    """Lamp and camera at one place, so the return's angle stays zero."""
+    near, far = (whole(lamp([0, 0, 0]), facing_pose(0, 0, 0, [0, 0, z]), DAVIS) for z in (1.0, 2.0))
+    ambient = shading.AMBIENT * (0.30 + 0.04)
+    values = [radiance[cover[..., 0] == 1, 0] - ambient for radiance, cover in (near, far)]
+    assert values[0].mean() / values[1].mean() == pytest.approx(4, rel=0.02)
