@@ -6,47 +6,70 @@ import os
 import re
 import struct
 from collections import deque
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
 
 import dv_processing as dv
 import numpy as np
 
 from .core import EVENT, InputError, Recording
+from .streams import Source, naming, no_events, no_frames, pieces, rechunked
+
+PACKET = 100_000  # events
 
 
-def read(path: Path):
-    """Events (M,) EVENT, frames (N, H, W, 3) RGB, their times and the size_px; raises `InputError`.
+REMEDY = "record or copy the file again"
+
+
+def read(path: Path) -> Source:
+    """What is in a file; raises `InputError`.
 
     Values are as stored: nothing here checks the order of time or the range of coordinates.
     """
-    remedy = "record or copy the file again"
-    try:
+    with _naming(path):
         if fault := _fault(path):
-            raise InputError(f"{path}: {fault}; {remedy}")
+            raise InputError(f"{path}: {fault}; {REMEDY}")
         reader = dv.io.MonoCameraRecording(str(path))
         sizes = []
-        batches, images = [], []
-        if reader.isEventStreamAvailable():
+        if has_events := reader.isEventStreamAvailable():
             sizes.append(tuple(reader.getEventResolution()))
-            batches = [b.numpy() for b in iter(reader.getNextEventBatch, None)]
-        if reader.isFrameStreamAvailable():
+        if has_frames := reader.isFrameStreamAvailable():
             sizes.append(tuple(reader.getFrameResolution()))
-            images = list(iter(reader.getNextFrame, None))
         if not sizes or sizes[0] != sizes[-1]:
-            raise InputError(f"{path}: expected events or frames of one size, found sizes {sizes}")
-        # the library's 16-byte records are laid out like EVENT; as opaque bytes they join 6 times faster
-        events = np.concatenate([np.zeros(0, "V16"), *(b.view("V16") for b in batches)]).view(EVENT)
-        width, height = sizes[0]
-        frames = np.zeros((len(images), height, width, 3), np.uint8)
-        for rgb, image in zip(frames, images, strict=True):
-            pixels = image.image if image.image.ndim == 3 else image.image[..., None]
-            rgb[:] = pixels[..., 2::-1]  # BGR(A) -> RGB; one channel is repeated
-        # the library stamps the start of the exposure
-        t_us = [f.timestamp + round(f.exposure.total_seconds() * 5e5) for f in images]
-    except (OSError, RuntimeError, ValueError, TypeError, IndexError, MemoryError) as error:
-        raise InputError(f"{path}: damaged AEDAT4 ({_reason(error)}); {remedy}") from None
-    return events, frames, np.array(t_us, np.int64), sizes[0]
+            raise InputError(f"{path}: expected events or frames of one size, found sizes {sizes}; {REMEDY}")
+        first_us, last_us = reader.getTimeRange()
+        return Source(
+            path,
+            sizes[0],
+            partial(_events, path) if has_events else no_events,
+            partial(_frames, path) if has_frames else no_frames,
+            (first_us, last_us) if 0 <= first_us < last_us else None,
+        )
+
+
+def _events(path: Path):
+    with _naming(path):
+        reader = dv.io.MonoCameraRecording(str(path))
+        batches = iter(reader.getNextEventBatch, None)
+        # the library's 16-byte records are laid out like EVENT
+        yield from rechunked(batch.numpy().view("V16").view(EVENT) for batch in batches)
+
+
+def _frames(path: Path):
+    with _naming(path):
+        for image in iter(dv.io.MonoCameraRecording(str(path)).getNextFrame, None):
+            # the library stamps the start of the exposure
+            yield image.timestamp + round(image.exposure.total_seconds() * 5e5), rgb(image.image)
+
+
+def rgb(image: np.ndarray) -> np.ndarray:
+    """(H, W, 3) of the library's images: BGR, BGRA, or one channel, which is repeated."""
+    pixels = image if image.ndim == 3 else image[..., None]
+    return np.ascontiguousarray(np.broadcast_to(pixels[..., 2::-1], (*image.shape[:2], 3)))
+
+
+def _naming(path: Path):
+    return naming(path, "damaged AEDAT4", REMEDY, _reason)
 
 
 def _fault(path: Path) -> str | None:
@@ -96,18 +119,15 @@ def write(recording: Recording, path: Path) -> None:
     config.addEventStream(recording.camera.size_px)
     config.addFrameStream(recording.camera.size_px)
     writer = dv.io.MonoCameraWriter(str(path), config)
-    for chunk in _chunks(recording.events, 100_000):
-        store = dv.EventStore()
-        # one tuple an event is the library's fastest way in from Python; map() saves the loop
-        deque(map(store.push_back, zip(*(chunk[name].tolist() for name in EVENT.names), strict=True)), 0)
-        writer.writeEvents(store)
-    for t_us, frame in zip(recording.frames_t_us.tolist(), recording.frames, strict=True):
+    for chunk in recording.chunks():
+        for e in pieces(chunk, PACKET):
+            store = dv.EventStore()
+            # one tuple an event is the library's fastest way in from Python; map() saves the loop
+            deque(map(store.push_back, zip(*(e[name].tolist() for name in EVENT.names), strict=True)), 0)
+            writer.writeEvents(store)
+    for t_us, frame in recording.timed_frames():
         writer.writeFrame(dv.Frame(t_us, np.ascontiguousarray(frame[..., ::-1])))
     del writer  # closes the file
-
-
-def _chunks(array, count: int):
-    return (array[a:b] for a, b in pairwise([*range(0, len(array), count), len(array)]))
 
 
 def _reason(error: Exception) -> str:

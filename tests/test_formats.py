@@ -147,7 +147,7 @@ def test_video(tmp_path):
     assert back.frames_t_us.tolist() == [0, 40_000, 80_000]
     np.testing.assert_allclose(back.frames.mean((1, 2, 3)), [20, 120, 220], atol=3)
     (tmp_path / "v.mp4").write_bytes(b"no video")
-    with pytest.raises(InputError, match=r"v\.mp4: no frame"):
+    with pytest.raises(InputError, match=r"v\.mp4: not a video \(no frame"):
         open_recording(tmp_path / "v.mp4", CAMERA)
 
 

@@ -217,8 +217,8 @@ def broken(**columns) -> Recording:
 @pytest.mark.parametrize(
     "fault, words",
     [
-        (dict(t_us=(100, 0)), "runs backward 1 times, first after number 99"),
-        (dict(x=(7, 64)), "1 events outside 64 x 48 px, first number 7 at \\(64"),
+        (dict(t_us=(100, 0)), "runs backward by .* after number 99"),
+        (dict(x=(7, 64)), "event outside 64 x 48 px, number 7 at \\(64"),
         (dict(y=(7, -1)), "outside 64 x 48 px"),
     ],
 )
