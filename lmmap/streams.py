@@ -112,15 +112,17 @@ def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:
 
 def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
     """Pass chunks on; ValueError, with a remedy, where time runs backward or a pixel is not the sensor's."""
-    before, last_us = 0, None
+    before, last_us = 0, -(2**63)
     for e in chunks:
-        t_us = e["t_us"] if last_us is None else np.append(last_us, e["t_us"])
-        back = np.flatnonzero(t_us[1:] < t_us[:-1])
+        if not len(e):
+            continue
+        t_us = e["t_us"]
+        back = [-1] if t_us[0] < last_us else np.flatnonzero(t_us[1:] < t_us[:-1])
         if len(back):
-            k = before + back[0] - (last_us is not None)
+            k = back[0]
+            by_us = (t_us[k] if k >= 0 else last_us) - t_us[k + 1]
             raise ValueError(
-                f"time of the events runs backward by {t_us[back[0]] - t_us[back[0] + 1]} us "
-                f"after number {k}; "
+                f"time of the events runs backward by {by_us} us after number {before + k}; "
                 "sort by time, or cut the recording there ('lmmap info' counts such faults)"
             )
         if len(outside := np.flatnonzero(~inside(e, size_px))):
@@ -129,8 +131,7 @@ def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> It
                 f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
                 f"{e['y'][k]}); check the sensor's size and the order of x and y"
             )
-        if len(e):
-            before, last_us = before + len(e), e["t_us"][-1]
+        before, last_us = before + len(e), t_us[-1]
         yield e
 
 

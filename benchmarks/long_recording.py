@@ -1,6 +1,6 @@
 """Twenty minutes of recording, read and binned: memory and rate, from AEDAT4 and from a bag.
 
-    python benchmarks/bench_stream.py FOLDER [SEED_RECORDING]
+    python benchmarks/long_recording.py FOLDER [SEED_RECORDING]
 
 Writes about 12 GB into FOLDER (some minutes, AEDAT4 mostly: its library takes one event at a time) and
 removes them.  The recording is the seed repeated with its time shifted, every second event of it, 5 frames
@@ -47,7 +47,7 @@ class Tiled:
 
 
 READ = """
-import json, resource, sys, time
+import json, os, resource, sys, time
 from lmmap.events import histogram, windows_of
 from lmmap.recordings import open_stream
 start = time.perf_counter()
@@ -55,7 +55,8 @@ stream = open_stream(sys.argv[1])
 sums = [int(histogram(w["x"], w["y"], stream.camera.size_px).sum()) for w in windows_of(stream.chunks())]
 seconds = time.perf_counter() - start
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(json.dumps(dict(events=sum(sums), seconds=seconds, peak_gb=peak * 1024 / 1e9)))
+cpu = sum(os.times()[:2])
+print(json.dumps(dict(events=sum(sums), seconds=seconds, cpu_s=cpu, peak_gb=peak * 1024 / 1e9)))
 """
 MAIN = """
 import json, resource, sys, time
@@ -87,7 +88,8 @@ def main(folder: Path, seed: Path) -> None:
         )
         measured = child(READ, path)
         rate = measured["events"] / measured["seconds"] / 1e6
-        print(f"  read, binned: {measured['events'] / 1e6:.0f} M events, {rate:.1f} Mev/s, "
+        print(f"  read, binned: {measured['events'] / 1e6:.0f} M events, {rate:.1f} Mev/s "
+              f"({measured['events'] / measured['cpu_s'] / 1e6:.1f} a second of processor), "
               f"peak {measured['peak_gb']:.2f} GB", flush=True)  # fmt: skip
         told = [(measured["peak_gb"], rate)]
         poses = folder / "long.csv"
