@@ -2,7 +2,7 @@
 
     OMP_WAIT_POLICY=PASSIVE python benchmarks/bench_pipeline.py
 
-The plain path is the paper's: eager float32 networks on full frames, its RANSAC loop, its printed formula, its
+The plain path is the paper's: eager float32 networks on full frames, its RANSAC loop, printed formula and
 grid of yaws.  Both run on every image in turn; medians over images.  Histograms are made from events by both.
 """
 
