@@ -22,11 +22,11 @@ def read(path: Path) -> Source:
     """
     with _naming(path), h5py.File(path, "r") as file:
         if "events/t" in file:
-            _columns(file)
+            t = _columns(file)[0]
+            span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
             size_px = tuple(int(n) for n in file.attrs["size_px"]) if "size_px" in file.attrs else None
-            return Source(
-                path, size_px, partial(_dsec, path), partial(_frames, path, "", "frames", "frames_t_us")
-            )
+            frames = partial(_frames, path, "", "frames", "frames_t_us")
+            return Source(path, size_px, partial(_dsec, path), frames, span_us)
         if "davis/left" in file:
             group = file["davis/left"]
             size_px = group["image_raw"].shape[2:0:-1] if "image_raw" in group else None
@@ -42,10 +42,13 @@ def _columns(file: h5py.File) -> list[h5py.Dataset]:
     return columns
 
 
+def _offset_us(file: h5py.File) -> int:
+    return int(file["t_offset"][()]) if "t_offset" in file else 0
+
+
 def _dsec(path: Path):
     with _naming(path), h5py.File(path, "r") as file:
-        offset_us = int(file["t_offset"][()]) if "t_offset" in file else 0
-        columns = _columns(file)
+        offset_us, columns = _offset_us(file), _columns(file)
         for i in range(0, len(columns[0]), CHUNK):
             yield from_columns(*(c[i : i + CHUNK] for c in columns), offset_us=offset_us)
 
@@ -74,14 +77,7 @@ def _frames(path: Path, group: str, images: str, times: str):
 
 
 def _naming(path: Path):
-    return naming(
-        path, "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again", _reason
-    )
-
-
-def _reason(error: Exception) -> str:
-    said = (str(error).splitlines() or [type(error).__name__])[0]
-    return said + " - pip install hdf5plugin" if "filter" in said else said
+    return naming(path, "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again")
 
 
 def write(recording: Recording, path: Path) -> None:
