@@ -50,10 +50,10 @@ ORACLES := .venv/.oracles
 
 $(ORACLES): tests/oracles.txt $(STAMP)
 	@echo "test: installing what tests compare with"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r tests/oracles.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.txt -r tests/oracles.txt
 	@touch $@
 
-test: $(ORACLES)  ## run the tests
+test: env $(ORACLES)  ## run the tests
 	@$(BIN)/python -m pytest -q
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)

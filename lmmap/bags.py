@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import warnings
+from functools import lru_cache, partial
 from pathlib import Path
 
 import cv2
@@ -12,9 +13,12 @@ import numpy as np
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from .core import InputError, Recording
+from .core import Recording
 from .events import from_columns
+from .streams import Source, naming, pieces, rechunked
 
+STORE = get_typestore(Stores.ROS1_NOETIC)
+PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
 PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), ("ns", "<u4")]}
@@ -28,39 +32,64 @@ TO_RGB = {
 }  # fmt: skip
 
 
-def read(path: Path):
-    """Events, frames, their times and the size_px of the first topic of each kind; raises `InputError`."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    events, frames, t_us, sizes = [], [], [], set()
-    try:
-        with Reader(path) as bag:
-            arrays = _topic(bag, path, lambda kind: kind.endswith("/EventArray"))
-            images = _topic(bag, path, IMAGES.__contains__)
-            for connection, _, raw in bag.messages(arrays + images):
-                if connection in arrays:
-                    size_px, batch = _events(raw, connection.msgdef.data)
-                    events.append(batch)
-                else:
-                    message = store.deserialize_ros1(raw, connection.msgtype)
-                    stamp = message.header.stamp
-                    t_us.append(stamp.sec * 10**6 + round(stamp.nanosec / 1000))
-                    frames.append(_rgb(message))
-                    size_px = frames[-1].shape[1::-1]
-                sizes.add(tuple(size_px))
-        if len(sizes) != 1:
-            raise ValueError(f"expected events or images of one size, found {sorted(sizes)}")
-    except Exception as error:  # the library raises a dozen types on damaged bytes
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        remedy = "give a ROS 1 bag with dvs_msgs or sensor_msgs, or run rosbag reindex"
-        raise InputError(f"{path}: cannot read this bag ({reason}); {remedy}") from None
-    (size_px,) = sizes
-    none = from_columns([], [], [], [])
-    return (
-        np.concatenate([none, *events]),
-        np.array(frames) if frames else None,
-        np.array(t_us, np.int64),
-        size_px,
+def read(path: Path) -> Source:
+    """The first topic of each kind; raises `InputError`."""
+    with _naming(path), Reader(path) as bag:
+        arrays = _topic(bag, path, _is_events)
+        images = _topic(bag, path, IMAGES.__contains__)
+        if not arrays and not images:
+            raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
+        first = next(bag.messages(arrays or images), None)
+        if first is None:
+            raise ValueError("no message in its topics")
+        connection, _, raw = first
+        size_px = (
+            _events(raw, connection.msgdef.data)[0] if arrays else _image(raw, connection)[1].shape[1::-1]
+        )
+        span_us = bag.start_time // 1000, bag.end_time // 1000
+    return Source(
+        path, tuple(size_px), partial(_chunks, path, tuple(size_px)), partial(_frames, path), span_us
     )
+
+
+def _chunks(path: Path, size_px: tuple[int, int]):
+    def batches(bag):
+        for connection, _, raw in _messages(bag, path, _is_events):
+            size, batch = _events(raw, connection.msgdef.data)
+            if size != size_px:
+                raise ValueError(f"event arrays for {size} px among those for {size_px} px")
+            yield batch
+
+    with _naming(path), Reader(path) as bag:
+        yield from rechunked(batches(bag))
+
+
+def _frames(path: Path):
+    with _naming(path), Reader(path) as bag:
+        for connection, _, raw in _messages(bag, path, IMAGES.__contains__):
+            yield _image(raw, connection)
+
+
+def _messages(bag: Reader, path: Path, wanted):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when the file was opened
+        connections = _topic(bag, path, wanted)
+    return bag.messages(connections) if connections else iter(())  # of no connection means of all
+
+
+def _is_events(kind: str) -> bool:
+    return kind.endswith("/EventArray")
+
+
+def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
+    message = STORE.deserialize_ros1(raw, connection.msgtype)
+    stamp = message.header.stamp
+    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, _rgb(message)
+
+
+def _naming(path: Path):
+    remedy = "give a ROS 1 bag with dvs_msgs or sensor_msgs, or run rosbag reindex"
+    return naming(path, "cannot read this bag", remedy)
 
 
 def _topic(bag: Reader, path: Path, wanted) -> list:
@@ -70,15 +99,21 @@ def _topic(bag: Reader, path: Path, wanted) -> list:
     return [c for c in found if c.topic == found[0].topic]
 
 
-def _events(raw: bytes, definition: str):
-    """Size and events of one message, whichever order of fields its definition in the bag states."""
+@lru_cache
+def _layout(definition: str) -> tuple[list[str], np.dtype]:
+    """Names of an array's fields and the packed record of an event, whichever order its definition states."""
     whole, _, parts = definition.partition("\n===")
     part = next(p for p in parts.split("\n===") if re.search(r"MSG: *\S+/Event\s", p))
     head, fields = _fields(whole), _fields(part)
     names = [name for _, name in head]
     if sorted(names[1:3]) != ["height", "width"] or names[0] != "header" or names[3:] != ["events"]:
         raise ValueError(f"an event array of fields {names}")
-    record = np.dtype([(name, PACKED[kind]) for kind, name in fields])
+    return names, np.dtype([({"p": "polarity"}.get(name, name), PACKED[kind]) for kind, name in fields])
+
+
+def _events(raw: bytes, definition: str):
+    """Size and events of one message."""
+    names, record = _layout(definition)
     at = 16 + struct.unpack_from("<I", raw, 12)[0]  # sequence, seconds, nanoseconds, name of the frame
     first, second, count = struct.unpack_from("<III", raw, at)
     if len(raw) != at + 12 + count * record.itemsize:
@@ -123,17 +158,17 @@ def write(recording: Recording, path: Path) -> None:
     with Writer(path) as bag:
         events = bag.add_connection("/dvs/events", "dvs_msgs/msg/EventArray", typestore=store)
         images = bag.add_connection("/dvs/image_raw", IMAGES[0], typestore=store)
-        for start in range(0, max(1, len(recording.events)), 100_000):
-            e = recording.events[start : start + 100_000]
-            packed = np.zeros(len(e), record)
-            packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
-            packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
-            t_us = int(e["t_us"][-1]) if len(e) else 0
-            body = struct.pack("<III", height, width, len(e)) + packed.tobytes()
-            bag.write(events, t_us * 1000, _header(t_us) + body)
+        for chunk in recording.chunks():
+            for e in pieces(chunk, PER_MESSAGE):
+                packed = np.zeros(len(e), record)
+                packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
+                packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
+                t_us = int(e["t_us"][-1])
+                body = struct.pack("<III", height, width, len(e)) + packed.tobytes()
+                bag.write(events, t_us * 1000, _header(t_us) + body)
         form = struct.pack("<II", height, width) + struct.pack("<I", 4) + b"rgb8"
         form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
-        for t_us, frame in zip(recording.frames_t_us.tolist(), recording.frames, strict=True):
+        for t_us, frame in recording.timed_frames():
             bag.write(images, t_us * 1000, _header(t_us) + form + np.ascontiguousarray(frame).tobytes())
 
 

@@ -67,6 +67,8 @@ def _yaml_camera(text: str) -> dict:
         raise ValueError(f"distortion model {y['distortion_model']} is not radial-tangential")
     k = np.array(y["camera_matrix"]["data"], float).reshape(3, 3)
     distortion = y.get("distortion_coefficients", {}).get("data", [])
+    if np.any(distortion[5:]):
+        raise ValueError(f"{len(distortion)} distortion coefficients, expected k1, k2, p1, p2, k3")
     return dict(
         width_px=int(y["image_width"]),
         height_px=int(y["image_height"]),
@@ -74,7 +76,7 @@ def _yaml_camera(text: str) -> dict:
         fy_px=float(k[1, 1]),
         cx_px=float(k[0, 2]),
         cy_px=float(k[1, 2]),
-        distortion=tuple(float(d) for d in distortion) if np.any(distortion) else (),
+        distortion=tuple(float(d) for d in distortion[:5]) if np.any(distortion) else (),
     )
 
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import warnings
 from itertools import product
 from pathlib import Path
 
+import shtab
 from tqdm import tqdm
 
-from . import accuracy, photometry, pipeline, sequences, simulation
-from .core import PAPER, Camera, InputError, Port, Recording
+from . import accuracy, photometry, sequences, simulation
+from . import commands as work
+from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
-from .recordings import WRITERS, health, open_recording
+from .recordings import WRITERS
 from .results import DERIVED, profile, save_json
-from .trajectories import trajectory_of, write_estimates, write_trajectory
 
 SHIPPED = "low"  # the filters for recordings that nobody rendered: "robust" as soon as they ship
 EXAMPLES = """examples:
@@ -24,6 +26,29 @@ EXAMPLES = """examples:
   lmmap info demo.aedat4
   lmmap estimate demo.aedat4 --modality event -o poses.csv
   lmmap evaluate demo.aedat4
+'lmmap COMMAND --help' has more of them.
+"""
+ESTIMATE = """examples:
+  lmmap estimate run.bag --modality rgb --camera camchain.yaml -o poses.csv
+  lmmap estimate run.aedat4 --modality event -o poses.csv --video overlay.mp4
+  lmmap estimate run.aedat4 --modality event -o poses.csv --resume     after Ctrl-C
+  lmmap estimate run.h5 --modality event --rate 10 -o camera.tum --format tum
+"""
+EVALUATE = """examples:
+  lmmap evaluate demo.aedat4
+  lmmap evaluate run.bag --camera camera.yaml --truth arm.tum --modality rgb --json
+"""
+INFO = """examples:
+  lmmap info run.aedat4
+  lmmap info run.bag --camera camera.yaml --json
+"""
+LIVE = """examples:
+  lmmap live --modality event --camera camera.json            from an attached camera; Ctrl-C ends it
+  lmmap live demo.aedat4 --modality rgb --seconds 5           a recording, in the time that it took
+"""
+COMPLETION = """examples:
+  lmmap completion bash > ~/.local/share/bash-completion/completions/lmmap
+  lmmap completion zsh > "${fpath[1]}/_lmmap"
 """
 
 
@@ -38,9 +63,11 @@ def main(argv: list[str] | None = None) -> int:
     except InputError as error:
         print(f"lmmap: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print("lmmap: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as kept:
+        print("; ".join(["lmmap: interrupted", *map(str, kept.args)]), file=sys.stderr)
         return 130
+    except BrokenPipeError:  # who read us, such as head, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 
@@ -51,8 +78,11 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name, run, text):
-        sub = commands.add_parser(name, help=text, description=text)
+    def command(name, run, text, examples=""):
+        sub = commands.add_parser(
+            name, help=text, description=text, epilog=examples,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
         sub.set_defaults(run=run)
         return sub
 
@@ -71,24 +101,37 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("photometry", photometric, "calibrate exposure and lamps to the paper's saturation rows")
     sub.add_argument("-o", "--output", type=Path, help="a JSON file for the result and its provenance")
 
-    sub = command("estimate", estimate, "estimate the port's pose in each frame or histogram of a recording")
+    text = "estimate the port's pose in each frame or histogram of a recording"
+    sub = command("estimate", work.estimate, text, ESTIMATE)
     _recording(sub)
-    sub.add_argument("--modality", choices=("rgb", "event"), required=True)
-    sub.add_argument("-o", "--output", type=Path, required=True, help="poses to write")
+    _estimation(sub, required=True)
+    _file(sub, "-o", "--output", required=True, help="poses to write, each on disk as soon as it is known")
     sub.add_argument("--format", choices=("csv", "tum"), default="csv")
-    _domain_gap(sub)
-    sub.add_argument("--rate", type=float, help="estimates per second (default: every frame, every N events)")
+    _file(sub, "--video", help="overlay to write, .mp4 or .avi; takes about half again as long")
+    sub.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
+    sub.add_argument("--json", action="store_true", help="print the summary as JSON")
 
-    sub = command("evaluate", evaluate, "errors and detection rates on a recording whose truth is known")
+    text = "errors and detection rates on a recording whose truth is known"
+    sub = command("evaluate", work.evaluate, text, EVALUATE)
     _recording(sub)
-    sub.add_argument("--modality", choices=("rgb", "event"), help="default: both")
-    _domain_gap(sub)
+    _file(sub, "--truth", help="trajectory, CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
+    _estimation(sub, required=False)
     sub.add_argument("--json", action="store_true", help="print JSON")
 
-    sub = command("info", info, "what is in a recording, and its health")
-    sub.add_argument("recording", type=Path)
-    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
+    sub = command("info", work.info, "what is in a recording, and its health", INFO)
+    _recording(sub)
     sub.add_argument("--json", action="store_true", help="print JSON")
+
+    sub = command("live", work.live_, "poses as images come, from a camera or a recording played", LIVE)
+    _recording(sub, nargs="?")
+    _estimation(sub, required=True)
+    _file(sub, "-o", "--output", help="poses to write as well (CSV)")
+    sub.add_argument("--seconds", type=float, help="end after so long")
+    sub.add_argument("--json", action="store_true", help="print a line of JSON an image")
+
+    sub = command("completion", lambda a: print(shtab.complete(_parser(), a.shell)),
+                  "print the completion script of a shell", COMPLETION)  # fmt: skip
+    sub.add_argument("shell", choices=shtab.SUPPORTED_SHELLS)
 
     sub = command("train", train, "train the filters on the bench; an interrupted run goes on")
     sub.add_argument("--filter", choices=FILTERS, help="default: both")
@@ -102,16 +145,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _domain_gap(sub) -> None:
-    sub.add_argument(
-        "--domain-gap", choices=DOMAIN_GAPS, default=SHIPPED, help=f"filters (default: {SHIPPED})"
-    )
+def _file(sub, *names, **options) -> None:
+    sub.add_argument(*names, type=Path, metavar="FILE", **options).complete = shtab.FILE
 
 
-def _recording(sub) -> None:
-    sub.add_argument("recording", type=Path)
-    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
-    sub.add_argument("--port", type=Path, help="another port's geometry (JSON)")
+def _recording(sub, nargs=None) -> None:
+    sub.add_argument("recording", type=Path, nargs=nargs).complete = shtab.FILE
+    _file(sub, "--camera", help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
+
+
+def _estimation(sub, required: bool) -> None:
+    modality = "needed" if required else "default: both"
+    sub.add_argument("--modality", choices=("rgb", "event"), required=required, help=modality)
+    _file(sub, "--port", help="another port's geometry (JSON)")
+    sub.add_argument("--rate", type=float, metavar="HZ", help="default: every frame, every N events")
+    sub.add_argument("--events", type=int, metavar="N", help="events a histogram (default: 0.39 a pixel)")
+    gap = f"filters trained on this (default: {SHIPPED})"
+    sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=SHIPPED, help=gap)
+    sub.add_argument("--weights", metavar="FOLDER", help="filters of your own, named as ours")
 
 
 def _check_folder(path: Path) -> None:
@@ -153,75 +204,6 @@ def photometric(a) -> None:
     if a.output:
         save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
     print(json.dumps(result, indent=1))
-
-
-def _estimates(recording: Recording, modality: str, port: Port, gap: str, rate_hz=None) -> list:
-    """All estimates, with a progress bar; those so far when interrupted."""
-    estimator = pipeline.Estimator(recording.camera, port, modality, gap)
-    period = len(recording.frames) if modality == "rgb" else len(recording.events) // PAPER.events_per_window
-    total = None if rate_hz else period
-    found = []
-    try:
-        with tqdm(pipeline.estimate(recording, estimator, rate_hz), modality, total, unit="img") as bar:
-            for one in bar:
-                found.append(one)
-                bar.set_postfix(poses=sum(e.T_cam_port is not None for e in found), refresh=False)
-    except KeyboardInterrupt:
-        print("lmmap: interrupted; keeping what was estimated", file=sys.stderr)
-    return found
-
-
-def _open(a) -> tuple[Recording, Port]:
-    camera = Camera.load(a.camera) if a.camera else None
-    return open_recording(a.recording, camera), Port.load(a.port) if a.port else Port.lm_map()
-
-
-def estimate(a) -> None:
-    recording, port = _open(a)
-    if a.rate is not None and not 0 < a.rate < 1e4:
-        raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
-    _check_folder(a.output)
-    found = _estimates(recording, a.modality, port, a.domain_gap, a.rate)
-    if a.format == "csv":
-        write_estimates(found, a.output)
-    else:
-        write_trajectory(trajectory_of(found), a.output, "tum")
-    counts = {}
-    for one in found:
-        counts[str(one.status)] = counts.get(str(one.status), 0) + 1
-    print(f"{a.output}: {len(found)} images; " + ", ".join(f"{v} {k}" for k, v in sorted(counts.items())))
-
-
-def evaluate(a) -> None:
-    recording, port = _open(a)
-    if recording.truth is None:
-        raise InputError(f"{a.recording}: no ground truth beside it; put it in {a.recording.stem}.truth.csv")
-    report = {}
-    for modality in [a.modality] if a.modality else ["rgb", "event"]:
-        table = accuracy.errors(recording, _estimates(recording, modality, port, a.domain_gap), port)
-        if not len(table):
-            raise InputError(f"{a.recording}: holds no {modality} data that its truth covers")
-        report[modality] = accuracy.report(table)
-    if a.json:
-        print(json.dumps(report, indent=1))
-        return
-    names = list(next(iter(report.values())))
-    print(f"{'':34}" + "".join(f"{m:>10}" for m in report))
-    for name in names:
-        print(f"{name.replace('_', ' '):34}" + "".join(f"{report[m][name]:10.2f}" for m in report))
-
-
-def info(a) -> None:
-    facts = health(open_recording(a.recording, Camera.load(a.camera) if a.camera else None))
-    if a.json:
-        print(json.dumps(facts, indent=1))
-        return
-    for name, value in facts.items():
-        print(
-            f"{name.replace('_', ' '):18} {value:.6g}"
-            if isinstance(value, float)
-            else f"{name.replace('_', ' '):18} {value}"
-        )
 
 
 def train(a) -> None:

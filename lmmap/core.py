@@ -244,6 +244,14 @@ class Recording:
     frames_t_us: np.ndarray
     truth: Trajectory | None = None
 
+    def chunks(self):
+        """Yield the events in one piece, as a `streams.Stream` yields its own in many."""
+        yield self.events
+
+    def timed_frames(self):
+        """Yield ``(t_us, frame)``."""
+        yield from zip(self.frames_t_us.tolist(), self.frames, strict=True)
+
 
 class Status(StrEnum):
     """Why a frame has a pose, or has none."""

@@ -2,63 +2,82 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import h5py
+import hdf5plugin as hdf5plugin  # makes h5py read the filter that DSEC's own files use
 import numpy as np
 
-from .core import InputError, Recording
+from .core import Recording
 from .events import from_columns
-
-with suppress(ImportError):  # DSEC's own files are compressed with a filter that h5py lacks
-    import hdf5plugin  # noqa: F401
+from .streams import CHUNK, Source, naming
 
 
-def read(path: Path):
-    """Events, frames, their times and the size_px (None where the file does not say); raises `InputError`.
+def read(path: Path) -> Source:
+    """Size where the file says it (else None); raises `InputError`.
 
     DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``.  MVSEC: ``davis/left/events`` with rows
     x, y, seconds, polarity, and ``image_raw`` with ``image_raw_ts``.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if "events/t" in file:
-                return _dsec(file)
-            if "davis/left" in file:
-                return _mvsec(file["davis/left"])
-            raise ValueError("neither events/t nor davis/left in it")
-    except Exception as error:  # h5py raises half a dozen types on damaged bytes
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        remedy = "install hdf5plugin" if "filter" in reason else "give a DSEC or MVSEC file, or copy it again"
-        raise InputError(f"{path}: not a recording in HDF5 ({reason}); {remedy}") from None
+    with _naming(path), h5py.File(path, "r") as file:
+        if "events/t" in file:
+            t = _columns(file)[0]
+            span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
+            size_px = tuple(int(n) for n in file.attrs["size_px"]) if "size_px" in file.attrs else None
+            frames = partial(_frames, path, "", "frames", "frames_t_us")
+            return Source(path, size_px, partial(_dsec, path), frames, span_us)
+        if "davis/left" in file:
+            group = file["davis/left"]
+            size_px = group["image_raw"].shape[2:0:-1] if "image_raw" in group else None
+            frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts")
+            return Source(path, size_px, partial(_mvsec, path), frames)
+        raise ValueError("neither events/t nor davis/left in it")
 
 
-def _dsec(file: h5py.File):
-    offset_us = int(file["t_offset"][()]) if "t_offset" in file else 0
-    columns = (file["events"][name][:] for name in "txyp")
-    events = from_columns(*columns, offset_us=offset_us)
-    if "frames" not in file:
-        return events, None, np.zeros(0, np.int64), None
-    size_px = tuple(int(n) for n in file.attrs["size_px"])
-    return events, _rgb(file["frames"]), file["frames_t_us"][:].astype(np.int64), size_px
+def _columns(file: h5py.File) -> list[h5py.Dataset]:
+    columns = [file[f"events/{name}"] for name in "txyp"]
+    if len({c.shape for c in columns}) != 1 or columns[0].ndim != 1:
+        raise ValueError(f"columns of shapes {', '.join(str(c.shape) for c in columns)}")
+    return columns
 
 
-def _mvsec(group: h5py.Group):
-    x, y, t, p = group["events"][:].T
-    events = from_columns(t, x, y, p, seconds=True)
-    if "image_raw" not in group:
-        return events, None, np.zeros(0, np.int64), None
-    frames = _rgb(group["image_raw"])
-    t_us = np.rint(group["image_raw_ts"][:] * 1e6).astype(np.int64)
-    return events, frames, t_us, (frames.shape[2], frames.shape[1])
+def _offset_us(file: h5py.File) -> int:
+    return int(file["t_offset"][()]) if "t_offset" in file else 0
 
 
-def _rgb(images: h5py.Dataset) -> np.ndarray:
-    if images.dtype != np.uint8 or images.ndim not in (3, 4):
-        raise ValueError(f"expected images of 8 bit, got {images.dtype} of shape {images.shape}")
-    pixels = images[:]
-    return np.repeat(pixels[..., None], 3, -1) if pixels.ndim == 3 else pixels
+def _dsec(path: Path):
+    with _naming(path), h5py.File(path, "r") as file:
+        offset_us, columns = _offset_us(file), _columns(file)
+        for i in range(0, len(columns[0]), CHUNK):
+            yield from_columns(*(c[i : i + CHUNK] for c in columns), offset_us=offset_us)
+
+
+def _mvsec(path: Path):
+    with _naming(path), h5py.File(path, "r") as file:
+        rows = file["davis/left/events"]
+        for i in range(0, len(rows), CHUNK):
+            x, y, t, p = rows[i : i + CHUNK].T
+            yield from_columns(t, x, y, p, seconds=True)
+
+
+def _frames(path: Path, group: str, images: str, times: str):
+    with _naming(path), h5py.File(path, "r") as file:
+        if group + images not in file:
+            return
+        pixels, t = file[group + images], file[group + times][:]
+        if pixels.dtype != np.uint8 or pixels.ndim not in (3, 4) or pixels.shape[3:] not in ((), (3,)):
+            raise ValueError(f"expected images of 8 bit, got {pixels.dtype} of shape {pixels.shape}")
+        if t.shape != pixels.shape[:1]:
+            raise ValueError(f"{len(pixels)} images but times of shape {t.shape}")
+        t_us = (np.rint(t * 1e6) if t.dtype.kind == "f" else t).astype(np.int64).tolist()
+        for i, at_us in enumerate(t_us):
+            one = pixels[i]
+            yield at_us, np.repeat(one[..., None], 3, -1) if one.ndim == 2 else one
+
+
+def _naming(path: Path):
+    return naming(path, "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again")
 
 
 def write(recording: Recording, path: Path) -> None:

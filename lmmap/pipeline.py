@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from . import circle, ellipse, yaw
 from .core import PAPER, Camera, Ellipse, Estimate, Port, Pose, Recording, Settings, Status
-from .events import histogram, windows, windows_before
+from .events import histogram, scaled_count, windows_at, windows_of
 from .filters import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
 from .geometry import undistort_points
+from .streams import Stream
 
 REFLECTOR_MARGIN = 0.35  # of the ring's box: how far parallax moves the raised markers out of it
+
+
+def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
+    """The paper's settings with N scaled to the camera's pixels, or given."""
+    return replace(PAPER, events_per_window=events_per_window or scaled_count(camera.size_px))
 
 
 class Estimator:
@@ -28,18 +35,18 @@ class Estimator:
     weights
         One of `DOMAIN_GAPS` as shipped, or a folder with files named as the low-domain-gap ones.
     settings
-        Default: the paper's.
+        Default: the paper's, its number of events kept per pixel of this camera.
     precision
         Of the filters; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
     """
 
     def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
-                 weights: str | Path = "low", settings: Settings = PAPER,
+                 weights: str | Path = "low", settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
-        self.modality, self.settings = modality, settings
+        self.modality, self.settings = modality, settings or fitting(self.camera)
         shipped = weights in DOMAIN_GAPS
         paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
         folder = paths[0].parent if shipped else Path(weights)
@@ -98,37 +105,37 @@ class Estimator:
         return mask
 
 
-def images(recording: Recording, modality: str, settings: Settings = PAPER,
+def images(recording: Recording | Stream, modality: str, settings: Settings | None = None,
            rate_hz: float | None = None) -> Iterator[tuple[int, np.ndarray]]:  # fmt: skip
     """Yield ``(t_us, image)``: every frame, or one histogram for each N events (or, at ``rate_hz``, the
-    last N events before each tick); a histogram's time is the middle of its events' span."""
+    last N events before each tick); a histogram's time is the middle of its events' span.
+
+    ``settings`` default to `fitting` the recording's camera.  Reads a stream as it goes.
+    """
     if modality == "rgb":
         period_us = 1e6 / rate_hz if rate_hz else 0
         due = -np.inf
-        for t_us, frame in zip(recording.frames_t_us, recording.frames, strict=True):
+        for t_us, frame in recording.timed_frames():
             if t_us >= due - 1000:
                 due = max(due + period_us, t_us) if np.isfinite(due) else t_us + period_us
                 yield int(t_us), frame
         return
-    events, count = recording.events, settings.events_per_window
-    if rate_hz and len(events):
-        ticks = np.arange(events["t_us"][0], events["t_us"][-1], 1e6 / rate_hz)[1:].astype(np.int64)
-        slices = [s for s in windows_before(events, ticks, count) if s is not None]
-    else:
-        slices = windows(events, count)
-    for s in slices:
-        some = events[s]
+    count = (settings or fitting(recording.camera)).events_per_window
+    chunks = recording.chunks()
+    for some in windows_at(chunks, rate_hz, count) if rate_hz else windows_of(chunks, count):
         middle_us = (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2
         yield middle_us, histogram(some["x"], some["y"], recording.camera.size_px)
 
 
-def estimate(recording: Recording, estimator: Estimator, rate_hz: float | None = None) -> Iterator[Estimate]:
+def estimate(
+    recording: Recording | Stream, estimator: Estimator, rate_hz: float | None = None
+) -> Iterator[Estimate]:
     """Estimates of a whole recording, in the order of time."""
     for t_us, image in images(recording, estimator.modality, estimator.settings, rate_hz):
         yield estimator(image, t_us)
 
 
-def true_poses(recording: Recording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
+def true_poses(recording: Recording | Stream, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
     """The estimates whose time the truth covers, and the true poses then."""
     span = recording.truth.t_us
     known = [e for e in estimates if span[0] <= e.t_us <= span[-1]]

@@ -20,6 +20,8 @@ POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
 SCORES = ("arc_coverage", "marker_score", "rival_score")
 PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_"}  # poses of an `Estimate`
+COLUMNS = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
+COLUMNS += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
 
 
 @contextmanager
@@ -54,23 +56,32 @@ def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
                 [("t_us", *POSE), *((t_us, *pose) for t_us, pose in rows)]
             )
         else:
-            file.writelines(f"{t_us // 10**6}.{t_us % 10**6:06d} {' '.join(p)}\n" for t_us, p in rows)
+            file.writelines(_tum_line(t_us, pose) for t_us, pose in rows)
 
 
-def read_trajectory(path) -> Trajectory:
-    """Read what `write_trajectory` wrote: TUM when it ends in .txt or .tum, else CSV."""
+def tum_line(t_us: int, T_cam_port: Pose) -> str:
+    """One pose as `write_trajectory` writes it."""
+    return _tum_line(int(t_us), _pose_rows(T_cam_port.inverse[None])[0])
+
+
+def _tum_line(t_us: int, pose: list[str]) -> str:
+    return f"{t_us // 10**6}.{t_us % 10**6:06d} {' '.join(pose)}\n"
+
+
+def read_trajectory(path, format: str | None = None) -> Trajectory:
+    """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum, else CSV."""
     path = Path(path)
-    tum = path.suffix in (".txt", ".tum")
+    tum = format == "tum" if format else path.suffix in (".txt", ".tum")
     try:
         if tum:
             lines = [line.split() for line in path.read_text().splitlines()]
             table = [line for line in lines if line and not line[0].startswith("#")]
-            t_us = [round(float(row[0]) * 1e6) for row in table]
-            T = _poses([row[1:8] for row in table]).inverse
+            t_us = [round(float(one[0]) * 1e6) for one in table]
+            T = _poses([one[1:8] for one in table]).inverse
         else:
             table = _read_csv(path, ("t_us", *POSE))
-            t_us = [int(row["t_us"]) for row in table]
-            T = _poses([[row[name] for name in POSE] for row in table])
+            t_us = [int(one["t_us"]) for one in table]
+            T = _poses([[one[name] for name in POSE] for one in table])
         return Trajectory(t_us, T)
     except (OSError, ValueError, KeyError, OverflowError, csv.Error) as error:
         form = "TUM lines" if tum else f"CSV with t_us,{','.join(POSE)}"
@@ -79,15 +90,14 @@ def read_trajectory(path) -> Trajectory:
 
 def write_estimates(estimates: list[Estimate], path) -> None:
     """Write one line an estimate: time, status, pose, scores, ellipse, the rival's and the paper's pose."""
-    head = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
-    head += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
-        writer = csv.DictWriter(file, head, lineterminator="\n")
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(_row(e) for e in estimates)
+        writer.writerows(as_row(e) for e in estimates)
 
 
-def _row(e: Estimate) -> dict:
+def as_row(e: Estimate) -> dict:
+    """The line of an estimate, by `COLUMNS`; what it has not is absent."""
     row = {"t_us": int(e.t_us), "status": str(e.status)}
     row |= {name: f"{getattr(e, name):.6g}" for name in SCORES}
     if e.ellipse is not None:

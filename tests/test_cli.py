@@ -1,14 +1,22 @@
 """The command line: what a user types, what it answers, and what bad input gets."""
 
 import csv
+import io
 import json
-from pathlib import Path
+import re
+import subprocess
+import time
 
+import cv2
 import pytest
+from test_bad_input import write_camera
 
-from lmmap import cli
-from lmmap.core import Camera
+from lmmap import cli, commands
+from lmmap.core import PAPER, Camera
+from lmmap.journal import Journal
+from lmmap.pipeline import fitting
 from lmmap.results import DATA, ROOT
+from lmmap.trajectories import read_estimates
 
 MINI = DATA / "mini" / "test-medium.aedat4"
 REAL = ROOT.parent / "shared" / "recordings" / "newtons-cradle-davis346.aedat4"
@@ -39,6 +47,7 @@ def test_simulate_info_estimate_evaluate(tmp_path, capsys):
 
     code, out, _ = run(capsys, "evaluate", demo)
     assert code == 0 and "paper formula normal median deg" in out
+    assert "with outlier filter: position error median mm" in out
     code, out, _ = run(capsys, "evaluate", demo, "--modality", "rgb", "--json")
     assert json.loads(out)["rgb"]["images"] == 8
 
@@ -51,63 +60,132 @@ def test_tum_has_a_line_per_pose(tmp_path, capsys):
     assert all(len(line.split()) == 8 for line in lines)
 
 
-def write_camera(folder, **changes):
-    path = folder / "camera.json"
-    Camera(
-        **{**dict(width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240), **changes}
-    ).save(path)
-    return path
-
-
-def bad_inputs(folder: Path):
-    text = folder / "text.aedat4"
-    text.write_text("time,x,y\n1,2,3\n")
-    empty = folder / "empty.aedat4"
-    empty.touch()
-    cut = folder / "cut.aedat4"
-    cut.write_bytes(MINI.read_bytes()[: MINI.stat().st_size // 2])
-    nonsense = folder / "nonsense.yaml"
-    nonsense.write_text("a: [1, 2")
-    broken_port = folder / "port.json"
-    broken_port.write_text('{"ring_radius_m": 1}')
-    out = folder / "x.csv"
-    estimate = ("--modality", "rgb", "-o", out)
-    yield ("estimate", folder / "absent.aedat4", *estimate), "absent.aedat4"
-    yield ("estimate", folder, *estimate), str(folder)
-    yield ("estimate", text, *estimate), "text.aedat4"
-    yield ("info", text), "text.aedat4"
-    yield ("info", empty), "empty.aedat4"
-    yield ("estimate", cut, *estimate), "cut.aedat4"
-    yield ("info", cut), "cut.aedat4"
-    yield ("estimate", MINI, *estimate, "--camera", write_camera(folder)), "640 x 480"
-    yield ("estimate", MINI, *estimate, "--camera", nonsense), "nonsense.yaml"
-    yield ("estimate", MINI, *estimate, "--port", broken_port), "port.json"
-    yield ("estimate", MINI, *estimate, "--rate", "-3"), "--rate"
-    yield ("estimate", MINI, "--modality", "rgb", "-o", folder / "no" / "x.csv"), "x.csv"
-    yield ("simulate", "--sequence", "test-dim", "-o", folder / "a.aedat4"), "test-dim"
-    yield ("simulate", "--sequence", "test-low", "--seconds", "-1", "-o", folder / "a.aedat4"), "-1"
-    yield ("simulate", "--sequence", "test-low", "-o", folder / "a.mp4"), "a.mp4"
-    yield ("simulate", "--sequence", "test-low", "-o", folder / "no" / "a.npz"), "no"
-
-
-def test_bad_input_is_one_clear_line(tmp_path, capsys):
-    before = None
-    for argv, named in bad_inputs(tmp_path):
-        code, out, err = run(capsys, *argv)
-        assert code == 1, argv
-        assert len(err.strip().splitlines()) == 1 and err.startswith("lmmap: "), err
-        assert named in err
-        assert out == ""
-        assert not (tmp_path / "x.csv").exists() and not (tmp_path / "a.aedat4").exists()
-        before = argv
-    assert before is not None
-
-
 def test_evaluate_needs_truth(tmp_path, capsys):
     bare = tmp_path / "bare.aedat4"
     bare.write_bytes(MINI.read_bytes())
     code, _, err = run(capsys, "evaluate", bare)
     assert code == 1 and "no ground truth" in err
+    truth = MINI.with_suffix(".truth.csv")
+    code, out, _ = run(capsys, "evaluate", bare, "--truth", truth, "--modality", "rgb", "--rate", 5, "--json")
+    beside = run(capsys, "evaluate", MINI, "--modality", "rgb", "--rate", "5", "--json")[1]
+    assert code == 0 and json.loads(out) == json.loads(beside)
+    table = json.loads(out)["rgb"]["table"]
+    assert table["without/position_error_m/exact/rmse"] >= table["without/position_error_m/exact/median"] / 2
+
+
+def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
+    """Interrupted after 3 images, then killed within a line: the file ends equal byte by byte."""
+    for form in ("csv", "tum"):
+        whole, cut = tmp_path / f"whole.{form}", tmp_path / f"cut.{form}"
+        argv = ("estimate", MINI, "--modality", "rgb", "--rate", "10", "--format", form, "-o")
+        assert run(capsys, *argv, whole)[0] == 0
+        add, calls = Journal.add, []
+
+        def interrupted(self, one, add=add, calls=calls):
+            calls.append(add(self, one))
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(Journal, "add", interrupted)
+        code, _, err = run(capsys, *argv, cut)
+        assert code == 130 and "--resume goes on" in err and "Traceback" not in err
+        monkeypatch.undo()
+        kept = cut.read_bytes()
+        assert whole.read_bytes().startswith(kept) and kept.count(b"\n") in (3, 4)
+        cut.write_bytes(kept + b"16000000")
+        code = run(capsys, *argv, cut, "--resume", "--json")[0]
+        assert code == 0 and cut.read_bytes() == whole.read_bytes()
+        assert run(capsys, *argv, cut, "--resume")[0] == 0 and cut.read_bytes() == whole.read_bytes()
+
+
+def test_resuming_with_other_images_is_refused(tmp_path, capsys):
+    poses = tmp_path / "poses.csv"
+    argv = ("estimate", MINI, "--modality", "rgb", "-o", poses)
+    assert run(capsys, *argv, "--rate", "5")[0] == 0
+    before = poses.read_bytes()
+    code, _, err = run(capsys, *argv, "--resume")
+    assert code == 1 and "other images" in err and len(err.splitlines()) == 1
+    assert poses.read_bytes() == before
+
+
+def test_overlay_has_a_picture_an_image(tmp_path, capsys):
+    video = tmp_path / "o.mp4"
+    argv = ("estimate", MINI, "--modality", "event", "--rate", "10", "-o", tmp_path / "p.csv", "--json")
+    code, out, _ = run(capsys, *argv, "--video", video)
+    film, pictures = cv2.VideoCapture(str(video)), 0
+    while film.read()[0]:
+        pictures += 1
+    assert code == 0 and pictures == json.loads(out)["images"] > 5
+    code, _, err = run(capsys, *argv, "--video", video, "--resume")
+    assert code == 1 and "o.mp4" in err
+
+
+def test_live_plays_a_recording_in_its_own_time(tmp_path, capsys):
+    began = time.monotonic()
+    poses = tmp_path / "p.csv"
+    code, out, err = run(capsys, "live", MINI, "--modality", "rgb", "--json", "-o", poses)
+    took_s = time.monotonic() - began
+    lines = [json.loads(line) for line in out.splitlines()]
+    assert code == 0 and took_s > 1.3  # 28 frames, 20 a second
+    assert [e.t_us for e in read_estimates(poses)] == [line["t_us"] for line in lines]
+    skipped = int(re.search(r"(\d+) skipped", err)[1])
+    assert len(lines) + skipped == 28 and "ms late" in err
+    assert any(line["status"] == "ok" and len(line["position_m"]) == 3 for line in lines)
+    assert all(line["late_ms"] >= 0 for line in lines)
+    code, out, err = run(capsys, "live", MINI, "--modality", "event", "--seconds", "1")
+    assert code == 0 and " ms late" in out and "\033" not in out + err
+
+
+def test_live_without_a_camera(capsys):
+    code, _, err = run(capsys, "live", "--modality", "rgb")
+    assert code == 1 and "--camera" in err
+    code, _, err = run(capsys, "live", "--modality", "rgb", "--camera", MINI.with_suffix(".camera.json"))
+    assert code == 1 and "no camera found" in err
+
+
+def test_window_scales_with_the_sensor_unless_given():
+    camera = Camera(640, 480, 500, 500, 320, 240)
+    assert fitting(camera).events_per_window == round(35_000 * 640 * 480 / (346 * 260))
+    assert fitting(camera, 1234).events_per_window == 1234
+    assert fitting(Camera.davis346()) == PAPER
+
+
+def test_info_counts_faults_that_are_errors_elsewhere(tmp_path, capsys):
+    camera = write_camera(tmp_path, width_px=64, height_px=48)
+    (tmp_path / "e.txt").write_text("10 1 2 1\n5 70 2 0\n7 1 2 1\n")
+    code, out, _ = run(capsys, "info", tmp_path / "e.txt", "--camera", camera, "--json")
+    facts = json.loads(out)
+    assert code == 0 and (facts["backward_steps"], facts["out_of_range"]) == (1, 1)
+    code, out, _ = run(capsys, "info", tmp_path / "e.txt", "--camera", camera)
+    assert code == 0 and "backward steps     1" in out  # no colour where it is no terminal
+
+
+def test_completion_scripts_know_every_command(capsys):
+    for shell in ("bash", "zsh"):
+        code, out, _ = run(capsys, "completion", shell)
+        assert code == 0 and all(name in out for name in ("estimate", "evaluate", "live", "--modality"))
+    script = run(capsys, "completion", "bash")[1]
+    checked = subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True)
+    assert checked.returncode == 0 and not checked.stderr
+
+
+def test_every_help_has_examples(capsys):
+    for command in ("estimate", "evaluate", "info", "live", "completion"):
+        with pytest.raises(SystemExit):
+            cli.main([command, "--help"])
+        assert f"lmmap {command} " in capsys.readouterr().out.split("examples:")[1]
+
+
+def test_colours_on_a_terminal_only(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert commands.coloured("x", commands.RED, Terminal()) == "\033[31mx\033[0m"
+    assert commands.coloured("x", commands.RED, io.StringIO()) == "x"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert commands.coloured("x", commands.RED, Terminal()) == "x"
 
 
 def test_usage_errors_exit_with_2(capsys):

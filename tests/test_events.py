@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import seeds
 
-from lmmap.core import EVENT
-from lmmap.events import histogram, windows, windows_before
+from lmmap.core import EVENT, PAPER
+from lmmap.events import histogram, scaled_count, windows, windows_at, windows_before, windows_of
 
 
 @given(seeds(), st.integers(0, 3000), st.integers(1, 60), st.integers(1, 60))
@@ -59,3 +59,46 @@ def test_windows_need_an_event(count):
         windows(np.zeros(5, EVENT), count)
     with pytest.raises(ValueError, match="count: expected at least 1"):
         windows_before(np.zeros(5, EVENT), [1], count)
+
+
+# --- streams --------------------------------------------------------------------------------------
+
+
+def some_events(rng, count):
+    e = np.zeros(count, EVENT)
+    e["t_us"] = np.sort(rng.integers(0, 40 * max(count, 1), count))
+    e["x"] = np.arange(count)
+    return e
+
+
+def cut(rng, events):
+    return np.split(events, np.sort(rng.integers(0, len(events) + 1, 6)))
+
+
+@given(st.integers(0, 400), st.integers(1, 60), st.integers(0, 99))
+def test_windows_of_a_stream_do_not_depend_on_its_chunks(total, count, seed):
+    rng = np.random.default_rng(seed)
+    e = some_events(rng, total)
+    streamed = list(windows_of(cut(rng, e), count))
+    assert len(streamed) == len(windows(e, count))
+    for got, s in zip(streamed, windows(e, count), strict=True):
+        np.testing.assert_array_equal(got, e[s])
+
+
+@given(st.integers(1, 400), st.integers(1, 60), st.sampled_from([60.0, 997.0, 25_000.0]), st.integers(0, 99))
+def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz, seed):
+    rng = np.random.default_rng(seed)
+    e = some_events(rng, total)
+    first, last = int(e["t_us"][0]), int(e["t_us"][-1])
+    ticks = [first + int(k * 1e6 / rate_hz) for k in range(1, int((last - first) * rate_hz / 1e6) + 2)]
+    expected = [s for s in windows_before(e, [t for t in ticks if t < last], count) if s is not None]
+    streamed = list(windows_at(cut(rng, e), rate_hz, count))
+    assert len(streamed) == len(expected)
+    for got, s in zip(streamed, expected, strict=True):
+        np.testing.assert_array_equal(got, e[s])
+
+
+def test_the_papers_count_is_kept_per_pixel():
+    assert scaled_count((346, 260)) == PAPER.events_per_window
+    assert scaled_count((2 * 346, 260)) == 2 * PAPER.events_per_window
+    assert scaled_count((1, 1)) >= 1

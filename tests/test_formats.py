@@ -147,7 +147,7 @@ def test_video(tmp_path):
     assert back.frames_t_us.tolist() == [0, 40_000, 80_000]
     np.testing.assert_allclose(back.frames.mean((1, 2, 3)), [20, 120, 220], atol=3)
     (tmp_path / "v.mp4").write_bytes(b"no video")
-    with pytest.raises(InputError, match=r"v\.mp4: no frame"):
+    with pytest.raises(InputError, match=r"v\.mp4: not a video \(no frame"):
         open_recording(tmp_path / "v.mp4", CAMERA)
 
 
@@ -175,3 +175,66 @@ def test_kalibr_camchain(tmp_path):
     (tmp_path / "fish.yaml").write_text(text.replace("radtan", "equidistant"))
     with pytest.raises(InputError, match="equidistant"):
         Camera.load(tmp_path / "fish.yaml")
+
+
+ROS = """image_width: 64
+image_height: 48
+camera_name: dvs
+camera_matrix: {rows: 3, cols: 3, data: [60, 0, 31.5, 0, 61, 23.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.1, -0.2, 0.001, 0.002, 0.03]}
+"""
+OPENCV = """%YAML:1.0
+---
+image_width: 64
+image_height: 48
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 60., 0., 31.5, 0., 61., 23.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ 0.1, -0.2, 0.001, 0.002, 0.03 ]
+"""
+
+
+@pytest.mark.parametrize("text", [ROS, OPENCV])
+def test_ros_and_opencv_calibrations(tmp_path, text):
+    (tmp_path / "c.yaml").write_text(text)
+    expected = Camera(64, 48, 60, 61, 31.5, 23.5, (0.1, -0.2, 0.001, 0.002, 0.03))
+    assert Camera.load(tmp_path / "c.yaml") == expected
+    for old, new in (
+        ("0.03 ]", "0.03, 0.4 ]"),
+        ("0.03]", "0.03, 0.4]"),
+        ("plumb_bob", "fisheye"),
+        ("60", ".nan"),
+    ):
+        if (other := text.replace(old, new)) != text:
+            (tmp_path / "other.yaml").write_text(other)
+            with pytest.raises(InputError, match=r"other\.yaml: not a camera calibration"):
+                Camera.load(tmp_path / "other.yaml")
+
+
+def test_a_calibration_written_by_opencv_itself(tmp_path):
+    """Oracle: cv2.FileStorage, in which cameras are calibrated."""
+    storage = cv2.FileStorage(str(tmp_path / "c.yml"), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 64)
+    storage.write("image_height", 48)
+    storage.write("camera_matrix", CAMERA.K)
+    storage.write("distortion_coefficients", np.zeros((5, 1)))
+    storage.release()
+    assert Camera.load(tmp_path / "c.yml") == CAMERA
+
+
+def test_dsec_compression(tmp_path):
+    """DSEC's files are compressed by a filter that h5py alone does not have."""
+    import hdf5plugin
+
+    e = some_events()
+    with h5py.File(tmp_path / "e.h5", "w") as file:
+        for name, values in (("t", e["t_us"]), ("x", e["x"]), ("y", e["y"]), ("p", e["p"].astype(np.uint8))):
+            file.create_dataset(f"events/{name}", data=values, **hdf5plugin.Blosc(cname="zstd"))
+    np.testing.assert_array_equal(open_recording(tmp_path / "e.h5", CAMERA).events, e)

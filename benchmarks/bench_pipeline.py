@@ -1,0 +1,142 @@
+"""Image in, pose out, stage by stage: ours against the plain path in the same run.
+
+    OMP_WAIT_POLICY=PASSIVE python benchmarks/bench_pipeline.py
+
+The plain path is the paper's: eager float32 networks on full frames, its RANSAC loop, printed formula and
+grid of yaws.  Both run on every image in turn; medians over images.  Histograms are made from events by both.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch: waiting threads sleep
+
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+from torch.nn import functional as F
+
+from lmmap import circle, ellipse, yaw
+from lmmap.core import PAPER, Ellipse
+from lmmap.events import histogram
+from lmmap.filters import CHANNELS, FILTERS, FilterNet, encode, weight_path
+from lmmap.pipeline import Estimator, images
+from lmmap.recordings import open_recording
+from lmmap.results import DATA
+
+IMAGES = 24
+GOAL_HZ = {True: 25.0, False: 15.0}  # with bfloat16 in the processor, and without
+PAPER_HZ, LEAST_RATIO = 10.0, 4.0
+
+
+class Watch:
+    """Seconds by stage, of one image after another."""
+
+    def __init__(self):
+        self.seconds: dict[str, list[float]] = {}
+
+    def __call__(self, stage: str, function, *arguments, **options):
+        start = time.perf_counter()
+        answer = function(*arguments, **options)
+        self.seconds.setdefault(stage, []).append(time.perf_counter() - start)
+        return answer
+
+    def ms(self) -> dict[str, float]:
+        return {stage: 1e3 * float(np.median(s)) for stage, s in self.seconds.items()}
+
+
+def plain_nets(modality: str) -> list[FilterNet]:
+    nets = []
+    for name in FILTERS:
+        net = FilterNet(CHANNELS[modality])
+        net.load_state_dict({k: v.float() for k, v in load_file(weight_path(name, modality)).items()})
+        nets.append(net.eval())
+    return nets
+
+
+@torch.inference_mode()
+def plain_mask(net: FilterNet, image: np.ndarray, modality: str) -> np.ndarray:
+    """The network as one writes it first: ReLU before pooling, channels first, the whole frame."""
+    x = encode(image[None], modality)
+    height, width = x.shape[-2:]
+    x = F.pad(x, (0, -width % 8, 0, -height % 8))
+    pooled = []
+    for convolution in net.down:
+        x = F.max_pool2d(F.relu(convolution(x)), 2)
+        pooled.append(x)
+    x = torch.cat([F.relu(net.up[0](x)), pooled[1]], 1)
+    x = torch.cat([F.relu(net.up[1](x)), pooled[0]], 1)
+    return torch.sigmoid(net.up[2](x)[0, 0, :height, :width]).float().numpy()
+
+
+def plain(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
+    """The paper's procedure; whether it came to a pose."""
+    camera, port, modality = estimator.camera, estimator.port, estimator.modality
+    ring, reflectors = (
+        watch(f"{n} filter", plain_mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
+    )
+    points = watch("skeleton", ellipse.skeleton_points, ring)
+    found, _ = watch("ellipse", ellipse.paper_ransac, points, np.random.default_rng(0))
+    if found is None:
+        return False
+    poses = watch("circle", circle.paper_poses, found, camera, port.ring_radius_m)
+    watch("yaw", yaw.paper_yaw, reflectors, poses, port, camera)
+    return True
+
+
+def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
+    """The stages that `Estimator` goes through, one by one."""
+    camera, port = estimator.camera, estimator.port
+    ring = watch("ring filter", estimator.ring_filter, image)
+    watch("skeleton", ellipse.skeleton_points, ring)
+    found, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
+    if isinstance(found, Ellipse):
+        reflectors = watch("reflector filter", estimator.find_reflectors, image, found)
+        poses = watch("circle", circle.poses, found, camera, port.ring_radius_m)
+        watch("yaw", yaw.fast_yaw, reflectors, poses, port, camera)
+
+
+def has_bfloat16() -> bool:
+    info = Path("/proc/cpuinfo")
+    return info.exists() and any(flag in info.read_text() for flag in ("avx512_bf16", "amx_bf16"))
+
+
+def main() -> None:
+    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    goal = GOAL_HZ[has_bfloat16()]
+    threads, bits = torch.get_num_threads(), "with" if has_bfloat16() else "without"
+    print(f"{threads} threads, processor {bits} bfloat16; the paper: {PAPER_HZ:g} Hz with a GPU")
+    some = recording.events[: PAPER.events_per_window]
+    for modality in ("rgb", "event"):
+        estimator, nets = Estimator(recording.camera, modality=modality), plain_nets(modality)
+        shots = [image for _, image in images(recording, modality)][:IMAGES]
+        answers = [estimator(image) for image in shots[:3]]  # warms up, too
+        plain(Watch(), nets, estimator, shots[0])
+        stages, peer, whole, peer_whole, binning = Watch(), Watch(), Watch(), Watch(), Watch()
+        for image in shots:
+            if modality == "event":
+                binning("histogram", histogram, some["x"], some["y"], recording.camera.size_px)
+            answers.append(whole("whole", estimator, image))
+            peer_whole("whole", plain, peer, nets, estimator, image)
+            ours(stages, estimator, image)
+        bin_ms = binning.ms().get("histogram", 0.0)
+        a, b = whole.ms()["whole"] + bin_ms, peer_whole.ms()["whole"] + bin_ms
+        poses = sum(e.T_cam_port is not None for e in answers[3:])
+        print(f"\n{modality}: {poses} poses in {len(shots)} images")
+        print(f"  {'ms':24}{'ours':>8}{'plain':>8}")
+        mine, theirs = stages.ms() | binning.ms(), peer.ms() | binning.ms()
+        for stage in dict.fromkeys([*mine, *theirs]):
+            cells = (f"{s[stage]:8.2f}" if stage in s else f"{'-':>8}" for s in (mine, theirs))
+            print(f"  {stage:24}" + "".join(cells))
+        print(f"  {'image to pose':24}{a:8.2f}{b:8.2f}")
+        good = 1e3 / a >= goal and b / a >= LEAST_RATIO
+        print(f"  {1e3 / a:.1f} Hz (plain {1e3 / b:.1f}), {b / a:.1f}x; "
+              f"goal {goal:g} Hz and {LEAST_RATIO:g}x: {'reached' if good else 'NOT reached'}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

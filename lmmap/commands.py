@@ -1,0 +1,214 @@
+"""What the ``lmmap`` command does with a recording: estimate, evaluate, info, live."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections import Counter
+from contextlib import nullcontext
+
+import numpy as np
+from tqdm import tqdm
+
+from . import accuracy, live, pipeline
+from .core import Camera, InputError, Port
+from .journal import Journal
+from .overlay import Overlay
+from .recordings import health, open_stream, read_trajectory
+from .streams import Stream
+
+GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
+FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
+
+
+def coloured(text, colour: str, file=None) -> str:
+    """The text, in colour where it goes to a terminal whose owner has not said NO_COLOR."""
+    file = file or sys.stdout
+    return f"{colour}{text}{PLAIN}" if file.isatty() and not os.environ.get("NO_COLOR") else str(text)
+
+
+def opened(a, **options) -> Stream:
+    """The recording of the command line."""
+    return open_stream(a.recording, Camera.load(a.camera) if a.camera else None, **options)
+
+
+def _estimator(a, camera: Camera, modality: str) -> pipeline.Estimator:
+    if a.rate is not None and not 0 < a.rate < 1e4:
+        raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
+    if a.events is not None and a.events < 1:
+        raise InputError(f"--events {a.events}: give the number of events in a histogram, at least 1")
+    port = Port.load(a.port) if a.port else Port.lm_map()
+    settings = pipeline.fitting(camera, a.events)
+    return pipeline.Estimator(camera, port, modality, a.weights or a.domain_gap, settings)
+
+
+class _Bar(tqdm):
+    """Progress in seconds of the recording, with images per second and detections; quiet in a file."""
+
+    def __init__(self, stream: Stream, modality: str):
+        span = stream.source.span_us
+        form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s [{elapsed}<{remaining}{postfix}]"
+        if span is None:
+            form = "{desc}: {n:.1f} s [{elapsed}{postfix}]"
+        total = (span[1] - span[0]) * 1e-6 if span else None
+        super().__init__(desc=modality, total=total, bar_format=form, disable=None)
+        self._first_us, self._began = span[0] if span else None, time.monotonic()
+
+    def shown(self, t_us: int, images: int, poses: int) -> None:
+        self._first_us = t_us if self._first_us is None else self._first_us
+        rate = images / max(time.monotonic() - self._began, 1e-9)
+        self.set_postfix_str(f"{rate:.1f} images/s, {poses} of {images} with a pose", refresh=False)
+        seconds = (t_us - self._first_us) * 1e-6
+        self.update(max(0.0, (min(seconds, self.total) if self.total else seconds) - self.n))
+
+
+def _summary(statuses: list[str]) -> str:
+    counts = Counter(statuses)
+    return f"{len(statuses)} images; " + ", ".join(
+        coloured(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())
+    )
+
+
+def _none_found(stream: Stream, modality: str, settings) -> InputError:
+    what = "no frames" if modality == "rgb" else f"fewer than {settings.events_per_window} events"
+    other = "--modality event" if modality == "rgb" else "--modality rgb, or fewer --events"
+    return InputError(f"{stream.source.path}: holds {what}; try {other}")
+
+
+def estimate(a) -> None:
+    """Poses of a recording, on disk as they come."""
+    if a.video and a.resume and a.video.exists():
+        raise InputError(f"{a.video}: a video cannot be gone on with; leave --video out, or name another one")
+    stream = opened(a)
+    estimator = _estimator(a, stream.camera, a.modality)
+    settings, stopped = estimator.settings, False
+    video = Overlay(a.video, estimator.port, stream.camera) if a.video else nullcontext()
+    with Journal(a.output, a.format, a.resume) as journal, video:
+        kept, poses = len(journal.statuses), 0
+        try:
+            with _Bar(stream, a.modality) as bar:
+                for t_us, image in pipeline.images(stream, a.modality, settings, a.rate):
+                    if journal.has(t_us):
+                        continue
+                    one = estimator(image, t_us)
+                    journal.add(one)
+                    if a.video:
+                        video.add(image, one, estimator.ring_filter(image))
+                    poses += one.T_cam_port is not None
+                    bar.shown(t_us, len(journal.statuses) - kept, poses)
+        except KeyboardInterrupt:
+            stopped = True
+        if not journal.statuses and not stopped:
+            raise _none_found(stream, a.modality, settings)
+    if a.json:
+        counts = dict(sorted(Counter(journal.statuses).items()))
+        print(json.dumps({"output": str(a.output), "images": len(journal.statuses), "statuses": counts}))
+    else:
+        resumed = f" ({kept} from before)" if kept else ""
+        print(f"{a.output}: {_summary(journal.statuses)}{resumed}")
+    if stopped:
+        raise KeyboardInterrupt(f"{a.output} keeps what was estimated, --resume goes on")
+
+
+def evaluate(a) -> None:
+    """Errors and detection rates of one recording, as the paper's table has them."""
+    stream = opened(a)
+    if a.truth:
+        stream = Stream(stream.name, stream.camera, stream.source, read_trajectory(a.truth))
+    if stream.truth is None:
+        name = f"{a.recording.stem}.truth.csv"
+        raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}")
+    report, tables = {}, {}
+    for modality in [a.modality] if a.modality else ["rgb", "event"]:
+        estimator = _estimator(a, stream.camera, modality)
+        found = []
+        with _Bar(stream, modality) as bar:
+            for one in pipeline.estimate(stream, estimator, a.rate):
+                found.append(one)
+                bar.shown(one.t_us, len(found), sum(e.T_cam_port is not None for e in found))
+        table = accuracy.errors(stream, found, estimator.port)
+        if len(table):
+            report[modality], tables[modality] = accuracy.report(table), accuracy.summary(table)
+        elif a.modality:
+            raise InputError(f"{a.recording}: holds no {modality} data that its truth covers; try the other")
+    if not report:
+        raise InputError(f"{a.recording}: holds no data that its truth covers; check the truth's times")
+    if a.json:
+        keys = ["outlier_filter", "metric", "formula", "statistic"]
+        rows = {m: t.set_index(keys)["value"].replace({np.nan: None}) for m, t in tables.items()}
+        named = {m: {"/".join(k): v for k, v in values.items()} for m, values in rows.items()}
+        print(json.dumps({m: report[m] | {"table": named[m]} for m in report}, indent=1))
+        return
+    print(f"{'':40}" + "".join(f"{m:>10}" for m in report))
+    for name in next(iter(report.values())):
+        print(f"{name.replace('_', ' '):40}" + "".join(f"{report[m][name]:10.2f}" for m in report))
+    wanted = next(iter(tables.values())).query("formula == 'exact' and outlier_filter == 'with'")
+    for k, line in wanted.iterrows():
+        scale, unit = (1e3, "mm") if line.metric.endswith("_m") else (1, line.metric.rsplit("_", 1)[1])
+        name = f"with outlier filter: {line.metric.rsplit('_', 1)[0]} {line.statistic} {unit}"
+        cells = "".join(f"{scale * tables[m].value[k]:10.2f}" for m in tables)
+        print(f"{name.replace('_', ' '):40}" + cells)
+
+
+def info(a) -> None:
+    """What is in a recording, and its health; faults are counted here and errors elsewhere."""
+    facts = health(opened(a, checked=False))
+    if not facts["events"] and not facts["frames"]:
+        raise InputError(f"{a.recording}: holds neither events nor frames; record again")
+    if a.json:
+        print(json.dumps(facts, indent=1))
+        return
+    for name, value in facts.items():
+        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        text = coloured(text, RED) if name in FAULTS and value else text
+        print(f"{name.replace('_', ' '):18} {text}")
+
+
+def live_(a) -> None:
+    """Poses as images come."""
+    stream = opened(a) if a.recording else None
+    if stream is None and not a.camera:
+        raise InputError("live: no calibration; give the attached camera's with --camera")
+    device = live.Played(stream) if stream else live.Attached()
+    camera = stream.camera if stream else Camera.load(a.camera)
+    if camera.size_px != device.size_px:
+        width, height = device.size_px
+        raise InputError(f"{a.camera}: for {camera.width_px} x {camera.height_px} px, but the camera has "
+                         f"{width} x {height} px; give its own calibration")  # fmt: skip
+    estimator = _estimator(a, camera, a.modality)
+    statuses, late_ms, skipped, began = [], [], 0, time.monotonic()
+    with Journal(a.output) if a.output else nullcontext() as journal:
+        try:
+            for shot in live.newest(device, a.modality, estimator.settings.events_per_window):
+                one = estimator(shot.image, shot.t_us)
+                late_ms.append((device.now_us() - shot.newest_us) * 1e-3)
+                statuses.append(str(one.status))
+                skipped += shot.skipped
+                if journal:
+                    journal.add(one)
+                print(_line(one, late_ms[-1], a.json), flush=True)
+                if a.seconds and time.monotonic() - began >= a.seconds:
+                    break
+        except KeyboardInterrupt:
+            pass
+    if not statuses:
+        if stream:
+            raise _none_found(stream, a.modality, estimator.settings)
+        raise InputError("live: the camera sent no image; check its cable and its lens cap")
+    rate = len(statuses) / (time.monotonic() - began)
+    print(f"lmmap: {_summary(statuses)}; {rate:.1f} images/s, {skipped} skipped, "
+          f"{np.median(late_ms):.0f} ms late", file=sys.stderr)  # fmt: skip
+
+
+def _line(one, late_ms: float, as_json: bool) -> str:
+    T = one.T_cam_port
+    if as_json:
+        pose = {} if T is None else {
+            "position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()
+        }  # fmt: skip
+        return json.dumps({"t_us": one.t_us, "status": str(one.status), "late_ms": round(late_ms, 1), **pose})
+    status = coloured(f"{one.status:10}", GREEN if T is not None else RED)
+    place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
+    return f"{one.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
