@@ -48,7 +48,7 @@ def main():
         estimator = Estimator(recording.camera, modality=modality)
         nets = [contiguous(f._net) for f in (estimator.ring_filter, estimator.reflector_filter)]
         _, image = list(images(recording, modality))[-5]
-        ellipse, _ = estimator.find_ring(estimator.ring_filter(image))
+        ellipse = estimator.find_ring(estimator.ring_filter(image))[0].ellipse
         seconds = {"plain": [], "ours": []}
         for _ in range(ROUNDS):
             start = time.perf_counter()
