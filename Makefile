@@ -20,7 +20,7 @@ unexport JUPYTER_PATH PYTHONPATH
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce test lint book serve lab train bench clean
+.PHONY: help env reproduce test lint book serve lab train bench vo clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -75,6 +75,16 @@ train: env  ## train all filters anew (an interrupted run goes on)
 
 bench: env  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
+
+vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) beside our method (an hour)
+	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS))
+
+.venv-vo/.installed: benchmarks/vo/requirements.txt
+	@$(PYTHON) -m venv .venv-vo
+	@.venv-vo/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	@.venv-vo/bin/python -c 'import pyorbslam3, svo_cpp' || { echo "vo: on Debian or Ubuntu, first: sudo apt-get install" \
+	  "libgl1 libegl1 libopengl0 libglx0 libsm6 libice6 libx11-6 libxext6"; exit 1; }
+	@touch $@
 
 clean:  ## remove the book, derived data and caches; .venv stays
 	rm -rf _build data/derived .pytest_cache .ruff_cache .hypothesis .import_linter_cache

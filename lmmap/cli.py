@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from . import accuracy, photometry, pipeline, sequences, simulation
+from . import accuracy, photometry, pipeline, sequences, simulation, vo
 from .core import PAPER, Camera, InputError, Port, Recording
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
 from .recordings import WRITERS, health, open_recording
@@ -99,6 +99,8 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
+
+    vo.register(command)
     return parser
 
 
