@@ -18,10 +18,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from lmmap import accuracy, odometry, sequences, vo
+from lmmap import accuracy, odometry, simulation, vo
 from lmmap.core import Port, Trajectory
 from lmmap.pipeline import Estimator, estimate
-from lmmap.recordings import open_recording, write_npz
+from lmmap.recordings import open_recording
 from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
 from lmmap.trajectories import write_trajectory
 
@@ -33,19 +33,8 @@ TIMEOUT_S = 60.0  # beyond a run's own length
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
 RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py"}
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
-OURS = [
-    "core",
-    "geometry",
-    "conics",
-    "events",
-    "ellipse",
-    "circle",
-    "yaw",
-    "tracking",
-    "filters",
-    "pipeline",
-    "odometry",
-]
+ESTIMATING = ("core", "geometry", "conics", "events", "ellipse", "circle", "yaw", "tracking", "filters",
+              "pipeline", "odometry")  # fmt: skip
 
 
 def say(line: str) -> None:
@@ -68,7 +57,7 @@ def prepare(name: str, seconds: float, folder: Path) -> str:
     mark = fingerprint(name, str(seconds), patterns=accuracy.BENCH)
     path = folder / f"{name}.npz"
     say(f"{name}: {seconds:.0f} s")
-    kept(path, mark, lambda: write_npz(sequences.simulate(name, seconds), path))
+    kept(path, mark, lambda: simulation.record(name, seconds, path))
     exported = mark + fingerprint(patterns=("lmmap/vo.py",))
     kept(folder / name, exported, lambda: vo.export(open_recording(path), folder / name, bag=False))
     images = f"{(folder / name).relative_to(ROOT)}/*"
@@ -150,7 +139,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    modules = [f"lmmap/{module}.py" for module in OURS]
+    modules = [f"lmmap/{module}.py" for module in ESTIMATING]
     kept(path, mark + fingerprint(patterns=(*modules, "data/weights/*")), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
