@@ -1,4 +1,4 @@
-"""The relative error equals that of evo, whose options are chosen to match the definition (GPL-3, tests only)."""
+"""The relative error equals that of evo with the options that match the definition."""
 
 import numpy as np
 import pytest

@@ -5,6 +5,8 @@ import json
 import cv2
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Reader
+from rosbags.typesys import Stores, get_typestore
 from test_odometry import track
 
 from lmmap import cli, vo
@@ -54,6 +56,20 @@ def test_the_bag_holds_the_recording(exported, mini):
     back = open_recording(exported / "recording.bag", mini.camera)
     np.testing.assert_array_equal(back.events, mini.events)
     np.testing.assert_array_equal(back.frames, mini.frames)
+
+
+def test_the_bag_holds_the_camera(exported, mini):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Reader(exported / "recording.bag") as bag:
+        wanted = [c for c in bag.connections if c.topic == "/dvs/camera_info"]
+        infos = [store.deserialize_ros1(raw, c.msgtype) for c, _, raw in bag.messages(wanted)]
+    stamps = [i.header.stamp.sec * 10**6 + i.header.stamp.nanosec // 1000 for i in infos]
+    assert stamps == mini.frames_t_us.tolist()
+    assert (infos[0].width, infos[0].height) == mini.camera.size_px and infos[
+        0
+    ].distortion_model == "plumb_bob"
+    np.testing.assert_array_equal(infos[0].K.reshape(3, 3), mini.camera.K)
+    np.testing.assert_array_equal(infos[0].P.reshape(3, 4)[:, :3], mini.camera.K)
 
 
 def test_camera_and_truth_are_exported(exported, mini):
