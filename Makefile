@@ -46,8 +46,13 @@ $(STAMP): environment.txt pyproject.toml
 reproduce: book  ## simulate, estimate, make all tables and figures, build the book
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
 
-test: env  ## run the tests
+test: env .venv/.oracles  ## run the tests
 	@$(BIN)/python -m pytest -q
+
+.venv/.oracles: tests/oracles.txt $(STAMP)
+	@echo "test: installing the peers that tests compare with"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r tests/oracles.txt
+	@touch $@
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff check .

@@ -128,7 +128,8 @@ def draw_boxes(ax, groups: dict[str, list[np.ndarray]], ticks: list[str]) -> Non
         some = [(k + (row - (len(groups) - 1) / 2) * width, v) for k, v in enumerate(values) if len(v)]
         if some:
             ax.boxplot([v for _, v in some], positions=[at for at, _ in some], widths=0.8 * width,
-                       whiskerprops=ink, showfliers=False, manage_ticks=False, patch_artist=True, capprops=ink, medianprops=ink,
+                       whiskerprops=ink, capprops=ink, medianprops=ink, showfliers=False,
+                       manage_ticks=False, patch_artist=True,
                        boxprops={"facecolor": ink["color"] + "60", "edgecolor": ink["color"]})  # fmt: skip
         ax.plot([], [], color=ink["color"], linewidth=6, alpha=0.6, label=name)
     ax.set_xticks(range(len(ticks)), ticks)
