@@ -6,6 +6,7 @@ SHELL := bash
 PYTHON ?= python3
 export PROFILE ?= quick
 PORT ?= 8000
+VO_PYTHON ?= $(PYTHON)
 
 # The same bytes from every run: a fixed build date, hash seed and number of BLAS threads.
 export SOURCE_DATE_EPOCH := 1767225600
@@ -85,9 +86,10 @@ vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) besid
 	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS))
 
 .venv-vo/.installed: benchmarks/vo/requirements.txt
-	@$(PYTHON) -m venv .venv-vo
-	@.venv-vo/bin/python -m pip install --quiet --disable-pip-version-check -r $<
-	@.venv-vo/bin/python -c 'import pyorbslam3, svo_cpp' || { echo "vo: on Debian or Ubuntu, first: sudo apt-get install" \
+	@$(VO_PYTHON) -m venv .venv-vo
+	@.venv-vo/bin/python -m pip install --quiet --disable-pip-version-check -r $< || { \
+	  echo "vo: svo-cpp has packages for Python 3.11 and 3.12 on x86-64 Linux: make vo VO_PYTHON=python3.12"; exit 1; }
+	@.venv-vo/bin/python -c 'import pyorbslam3, svo_cpp' || { echo "vo: on Debian or Ubuntu, first: apt-get install" \
 	  "libgl1 libegl1 libopengl0 libglx0 libsm6 libice6 libx11-6 libxext6"; exit 1; }
 	@touch $@
 

@@ -85,7 +85,10 @@ def run(
     with (track.with_suffix(".log")).open("w") as log:
         try:
             limit_s = seconds - start_s + TIMEOUT_S
-            code = subprocess.run(command, stdout=log, stderr=log, timeout=limit_s, check=False).returncode
+            code = subprocess.run(
+                command, stdout=log, stderr=log, timeout=limit_s, check=False,
+                start_new_session=True,  # Ctrl-C is for this process, and no failure of theirs
+            ).returncode  # fmt: skip
             outcome = (
                 "finished"
                 if code == 0
@@ -185,9 +188,13 @@ def main() -> None:
     mark = fingerprint(patterns=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
     kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
     with ThreadPoolExecutor(arguments.workers) as pool:
-        theirs = runs(pool, folder, marks, seconds)
-        rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
-        rows += theirs
+        try:
+            theirs = runs(pool, folder, marks, seconds)
+            rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
+            rows += theirs
+        except BaseException:  # those under way end, and are kept; no other begins
+            pool.shutdown(cancel_futures=True)
+            raise
     vocabulary = subprocess.run(
         ["sha256sum", words], capture_output=True, text=True, check=True
     ).stdout.split()[0]
