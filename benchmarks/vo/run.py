@@ -72,30 +72,14 @@ def run(
     stem = f"{method}-{modality}-{name}-{number:02d}"
     track = folder / "tracks" / f"{stem}.tum"
     track.unlink(missing_ok=True)
-    command = [
-        PYTHON,
-        HERE / RUNNERS[method],
-        folder / name,
-        modality,
-        str(start_s),
-        track,
-        folder / "vocabulary.txt",
-    ]
-    counts = dict.fromkeys(odometry.COUNTS)
+    arguments = [folder / name, modality, str(start_s), track, folder / "vocabulary.txt"]
+    counts, limit_s = dict.fromkeys(odometry.COUNTS), seconds - start_s + TIMEOUT_S
     with (track.with_suffix(".log")).open("w") as log:
-        try:
-            limit_s = seconds - start_s + TIMEOUT_S
-            code = subprocess.run(
-                command, stdout=log, stderr=log, timeout=limit_s, check=False,
-                start_new_session=True,  # Ctrl-C is for this process, and no failure of theirs
-            ).returncode  # fmt: skip
-            outcome = (
-                "finished"
-                if code == 0
-                else f"ended with code {code}"
-                if code > 0
-                else f"crashed, signal {-code}"
-            )
+        try:  # in a session of its own: Ctrl-C is for this process, and no failure of theirs
+            code = subprocess.run([PYTHON, HERE / RUNNERS[method], *arguments], stdout=log, stderr=log,
+                                  timeout=limit_s, check=False, start_new_session=True).returncode  # fmt: skip
+            outcome = f"crashed, signal {-code}" if code < 0 else f"ended with code {code}"
+            outcome = "finished" if code == 0 else outcome
         except subprocess.TimeoutExpired:
             outcome = f"timed out after {limit_s:.0f} s"
     text = track.with_suffix(".log").read_text(errors="replace")
