@@ -83,7 +83,7 @@ bench: env  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
 
 vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) beside our method (an hour)
-	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS))
+	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS)) $(if $(RUNS),--runs $(RUNS))
 
 .venv-vo/.installed: benchmarks/vo/requirements.txt
 	@$(VO_PYTHON) -m venv .venv-vo
