@@ -96,7 +96,7 @@ def runs(pool: ThreadPoolExecutor, folder: Path, marks: dict[str, str], seconds:
     words = fingerprint(patterns=(f"{folder.relative_to(ROOT)}/vocabulary.txt",))
 
     def one(job):
-        method, modality, name, (number, start) = job
+        (number, start), method, modality, name = job
         path = folder / "tracks" / f"{method}-{modality}-{name}-{number:02d}.json"
         scripts = (*SCRIPTS, f"benchmarks/vo/{RUNNERS[method]}")
         mark = marks[name] + words + fingerprint(str(start), patterns=scripts)
@@ -104,8 +104,8 @@ def runs(pool: ThreadPoolExecutor, folder: Path, marks: dict[str, str], seconds:
             json.dumps(run(method, modality, name, start * seconds, number, folder, seconds))))  # fmt: skip
         return json.loads(path.read_text())
 
-    starts = list(enumerate(STARTS * repeats))
-    return pool.map(one, itertools.product(RUNNERS, odometry.MODALITIES, marks, starts))
+    starts = enumerate(STARTS * repeats)
+    return pool.map(one, itertools.product(starts, RUNNERS, odometry.MODALITIES, marks))
 
 
 def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
@@ -116,7 +116,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
     def make():
         recording = open_recording(folder / f"{name}.npz")
         estimator = Estimator(recording.camera, port, modality)
-        found = list(estimate(recording, estimator, vo.FRAME_HZ))
+        found = list(estimate(recording, estimator, estimator.settings.rate_hz))
         track = odometry.camera_track(found, port)
         write_trajectory(track, path, "tum")
         first = (
