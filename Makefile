@@ -6,6 +6,7 @@ SHELL := bash
 PYTHON ?= python3
 export PROFILE ?= quick
 PORT ?= 8000
+VO_PYTHON ?= $(PYTHON)
 
 # The same bytes from every run: a fixed build date, hash seed and number of BLAS threads.
 export SOURCE_DATE_EPOCH := 1767225600
@@ -20,7 +21,7 @@ unexport JUPYTER_PATH PYTHONPATH
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce test lint book serve lab train bench clean
+.PHONY: help env reproduce test lint book serve lab train bench vo clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -82,6 +83,17 @@ train: env  ## train all filters anew (an interrupted run goes on)
 
 bench: $(ORACLES)  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
+
+vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) beside our method (an hour)
+	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS)) $(if $(RUNS),--runs $(RUNS))
+
+.venv-vo/.installed: benchmarks/vo/requirements.txt
+	@$(VO_PYTHON) -m venv .venv-vo
+	@.venv-vo/bin/python -m pip install --quiet --disable-pip-version-check -r $< || { \
+	  echo "vo: svo-cpp has packages for Python 3.11 and 3.12 on x86-64 Linux: make vo VO_PYTHON=python3.12"; exit 1; }
+	@.venv-vo/bin/python -c 'import pyorbslam3, svo_cpp' || { echo "vo: on Debian or Ubuntu, first: apt-get install" \
+	  "libgl1 libegl1 libopengl0 libglx0 libsm6 libice6 libx11-6 libxext6"; exit 1; }
+	@touch $@
 
 clean:  ## remove the book, derived data and caches; .venv stays
 	rm -rf _build data/derived .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -13,7 +13,7 @@ import numpy as np
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from .core import Recording
+from .core import Camera, Recording
 from .events import from_columns
 from .streams import Source, naming, pieces, rechunked
 
@@ -149,7 +149,10 @@ def _rgb(message) -> np.ndarray:
 
 
 def write(recording: Recording, path: Path) -> None:
-    """Write ``/dvs/events`` and ``/dvs/image_raw``; raises `OSError`, and ValueError for negative times."""
+    """Write ``/dvs/events``, ``/dvs/image_raw`` and, with each image, ``/dvs/camera_info``.
+
+    Raises `OSError`, and ValueError for negative times.
+    """
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg(EVENT_MSG, "dvs_msgs/msg/Event"))
     store.register(get_types_from_msg(ARRAY_MSG, "dvs_msgs/msg/EventArray"))
@@ -158,6 +161,8 @@ def write(recording: Recording, path: Path) -> None:
     with Writer(path) as bag:
         events = bag.add_connection("/dvs/events", "dvs_msgs/msg/EventArray", typestore=store)
         images = bag.add_connection("/dvs/image_raw", IMAGES[0], typestore=store)
+        cameras = bag.add_connection("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
+        calibration = _camera_info(recording.camera)
         for chunk in recording.chunks():
             for e in pieces(chunk, PER_MESSAGE):
                 packed = np.zeros(len(e), record)
@@ -170,9 +175,21 @@ def write(recording: Recording, path: Path) -> None:
         form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
         for t_us, frame in recording.timed_frames():
             bag.write(images, t_us * 1000, _header(t_us) + form + np.ascontiguousarray(frame).tobytes())
+            bag.write(cameras, t_us * 1000, _header(t_us) + calibration)
 
 
 def _header(t_us: int) -> bytes:
     if t_us < 0:
         raise ValueError("bag: times must not be negative")
     return struct.pack("<IIII", 0, t_us // 10**6, t_us % 10**6 * 1000, 0)
+
+
+def _camera_info(camera: Camera) -> bytes:
+    """A sensor_msgs/CameraInfo behind its header; k1, k2, p1, p2, k3 are the plumb_bob model's."""
+    D = np.zeros(5)
+    D[: len(camera.distortion)] = camera.distortion
+    P = np.column_stack([camera.K, np.zeros(3)])
+    model = b"plumb_bob"
+    body = struct.pack(f"<III{len(model)}sI", camera.height_px, camera.width_px, len(model), model, len(D))
+    body += np.concatenate([D, camera.K.ravel(), np.eye(3).ravel(), P.ravel()]).astype("<f8").tobytes()
+    return body + bytes(4 + 4 + 17)  # no binning, no region of interest

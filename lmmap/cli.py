@@ -13,7 +13,7 @@ from pathlib import Path
 import shtab
 from tqdm import tqdm
 
-from . import accuracy, photometry, sequences, simulation
+from . import accuracy, photometry, sequences, simulation, vo
 from . import commands as work
 from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
@@ -142,6 +142,8 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
+
+    vo.register(command)
     return parser
 
 

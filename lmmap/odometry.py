@@ -1,23 +1,35 @@
 """The paper's comparison with visual odometry: relative position errors over parts of the path.
 
-So far it holds our own estimates; the rows of EVO, ORB-SLAM3 and SVO say that they were not run yet.
+Trajectories are files: ours and those that ``make vo`` lets ORB-SLAM3 and SVO write lie in
+``data/results/odometry``, with the log of the runs; EVO's, if a user has one, goes there too.
 """
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
-from .core import Estimate, Port, Pose, Trajectory
+from .core import Estimate, InputError, Port, Pose, Trajectory
 from .geometry import rotation_z
 from .metrics import relative_errors
-from .results import DERIVED
+from .results import DATA
 from .tracking import outlier_filter
-from .trajectories import read_estimates, read_trajectory, trajectory_of
+from .trajectories import read_trajectory, trajectory_of
 
-LIGHTS, MODALITIES = ("low", "medium", "high"), ("rgb", "event")
+FOLDER = DATA / "results" / "odometry"
+SEQUENCES = ("test-high", "realistic-5")  # high light: the unseen test, and one of training
+MODALITIES = ("rgb", "event")
+METHODS = ("lmmap", "ORB-SLAM3", "SVO")
 FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)  # of the length of the camera's path
-RIVALS = ("ORB-SLAM3", "SVO", "EVO")
+ALIGNED_POSES = 40  # the paper's: the first of a track fix its scale
+COUNTS = ["frames", "initialising", "tracked", "lost", "resets", "tracks"]
+
+
+class NotScored(ValueError):
+    """A trajectory on which the metric is not defined; the message says why, and the remedy."""
 
 
 def continuous_yaw(trajectory: Trajectory, period_rad: float) -> Trajectory:
@@ -47,51 +59,139 @@ def path_length_m(trajectory: Trajectory) -> float:
     return float(np.linalg.norm(steps, axis=1).sum())
 
 
-def errors(estimates: list[Estimate], truth: Trajectory, port: Port | None = None) -> pd.DataFrame:
-    """One row per stretch of path: ``length_m``, relative ``position_error_m`` and ``rotation_error_deg``.
+def read_tracks(path) -> list[Trajectory]:
+    """Trajectories of a file, cut at its ``# track`` lines, where a new map with its own scale begins.
 
     Raises
     ------
-    ValueError
-        If too few estimates have a pose to find the scale.
+    InputError
+        If the file is none of trajectories.
     """
-    lengths_m = path_length_m(truth) * np.array(FRACTIONS)
-    found = relative_errors(camera_track(estimates, port or Port.lm_map()), truth, lengths_m)
-    parts = [
-        pd.DataFrame(
-            {
-                "length_m": e.length_m,
-                "position_error_m": e.translation_m,
-                "rotation_error_deg": np.rad2deg(e.rotation_rad),
-            }
-        )
-        for e in found
+    whole = read_trajectory(path)
+    lines = [line.strip() for line in Path(path).read_text().splitlines()]
+    lines = [line for line in lines if line.startswith("# track") or (line and line[0] != "#")]
+    if Path(path).suffix == ".csv" or not any(line.startswith("# track") for line in lines):
+        return [whole] if len(whole) else []
+    sizes = [
+        len(list(g)) for is_cut, g in itertools.groupby(lines, lambda x: x.startswith("# ")) if not is_cut
     ]
+    stops = np.cumsum([0, *sizes])
+    return [Trajectory(whole.t_us[a:b], whole.T_cam_port[a:b]) for a, b in itertools.pairwise(stops.tolist())]
+
+
+def score(tracks: list[Trajectory], reference: Trajectory) -> pd.DataFrame:
+    """One row per stretch: ``track``, ``length_m``, ``position_error_m``, ``rotation_error_deg``.
+
+    Each track is scaled by its own first `ALIGNED_POSES` poses.  The reference is interpolated at the
+    track's times, so that its rate does not matter.  Lengths are `FRACTIONS` of the reference's path.
+
+    Raises
+    ------
+    NotScored
+        If no track has a single stretch to compare, with the reason of the last one.
+    """
+    if not len(reference):
+        raise NotScored("nothing to compare with: the reference holds no pose")
+    lengths_m = path_length_m(reference) * np.array(FRACTIONS)
+    parts, reason = [], "holds no pose; let the odometry track something first"
+    for number, track in enumerate(tracks):
+        try:
+            parts.append(_score(track, reference, lengths_m).assign(track=number))
+        except NotScored as error:
+            reason = str(error)
+    if not parts:
+        raise NotScored(reason)
     return pd.concat(parts, ignore_index=True)
 
 
-def benchmark(profile: str = "quick") -> pd.DataFrame:
-    """Errors of every test sequence and modality, one row per stretch, from the accuracy study's files.
+def _score(track: Trajectory, reference: Trajectory, lengths_m) -> pd.DataFrame:
+    span = reference.t_us[[0, -1]]
+    inside = (track.t_us >= span[0]) & (track.t_us <= span[1])
+    if not inside.any():
+        had, wanted = track.t_us[[0, -1]] * 1e-6, span * 1e-6
+        raise NotScored(
+            f"its times ({had[0]:.3f} to {had[1]:.3f} s) are outside the reference's ({wanted[0]:.3f} to "
+            f"{wanted[1]:.3f} s); write the recording's own times"
+        )
+    if inside.sum() < ALIGNED_POSES:
+        raise NotScored(
+            f"too short: {inside.sum()} poses within the reference's time, and finding the scale takes the "
+            f"first {ALIGNED_POSES}; track for longer"
+        )
+    track = Trajectory(track.t_us[inside], track.T_cam_port[inside])
+    at = Trajectory(track.t_us, reference.at(track.t_us))
+    try:
+        found = relative_errors(track, at, lengths_m, aligned_poses=ALIGNED_POSES)
+    except ValueError:
+        raise NotScored(
+            f"its first {ALIGNED_POSES} positions lie on a line, which leaves the scale open; "
+            "start where the camera moves"
+        ) from None
+    if not any(e.translation_m.size for e in found):
+        raise NotScored(f"too short: no stretch of path reaches {lengths_m[0]:.2f} m; track for longer")
+    return pd.concat(
+        pd.DataFrame({"length_m": e.length_m, "position_error_m": e.translation_m,
+                      "rotation_error_deg": np.rad2deg(e.rotation_rad)}) for e in found
+    )  # fmt: skip
 
-    Where the metric is not defined (too few poses) there is one row whose ``outcome`` says so.
+
+def by_length(table: pd.DataFrame) -> pd.DataFrame:
+    """Number of stretches and median errors for each length."""
+    groups = table.groupby("length_m")
+    medians = groups[["position_error_m", "rotation_error_deg"]].median()
+    medians.columns = ["median_m", "rotation_median_deg"]
+    return medians.assign(stretches=groups.size()).reset_index()
+
+
+def runs(folder: Path = FOLDER) -> pd.DataFrame:
+    """The log of all runs, one row each, and one for each trajectory of EVO that a user has put there."""
+    log = pd.read_csv(folder / "runs.csv")
+    evo = [
+        {"method": "EVO", "modality": "event", "sequence": s, "run": 0, "start_s": 0.0,
+         "outcome": "finished", "file": f"EVO-event-{s}.tum"}
+        for s in SEQUENCES if (folder / f"EVO-event-{s}.tum").exists()
+    ]  # fmt: skip
+    return pd.concat([log, pd.DataFrame(evo)], ignore_index=True) if evo else log
+
+
+def benchmark(folder: Path = FOLDER) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Every run, with ``scored`` true or the reason why not; and all stretches of the scored ones."""
+    log, tables = runs(folder), []
+    references = {name: read_trajectory(folder / f"truth-{name}.tum") for name in SEQUENCES}
+    keys = ["method", "modality", "sequence", "run", "start_s"]
+    reasons = []
+    for run in log.to_dict("records"):
+        try:
+            table = score(read_tracks(folder / run["file"]), references[run["sequence"]])
+            tables.append(table.assign(**{key: run[key] for key in keys}))
+            reasons.append("")
+        except (NotScored, InputError) as error:
+            reasons.append(str(error))
+    return log.assign(not_scored=reasons), pd.concat(tables, ignore_index=True)
+
+
+def summary(log: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """One row per method, modality and sequence: runs, failures, tracking, and errors over all lengths.
+
+    ``failed`` runs crashed or timed out; ``scored`` ones have at least one stretch to compare.
+    EVO has its row even where nobody has run it.
     """
-    tables, folder = [], DERIVED / profile
-    for light in LIGHTS:
-        truth = read_trajectory(folder / f"test-{light}.truth.csv")
-        for modality in MODALITIES:
-            estimates = read_estimates(folder / f"estimates-test-{light}-{modality}.csv")
-            try:
-                table = errors(estimates, truth).assign(outcome="tracked")
-            except ValueError:
-                table = pd.DataFrame({"outcome": ["too few poses"]})
-            tables.append(table.assign(method="lmmap", light=light, modality=modality))
-    return pd.concat(tables, ignore_index=True)
-
-
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Number, median and quartiles of `benchmark` over all lengths, and the methods not run yet."""
-    keys = ["method", "light", "modality", "outcome"]
-    described = table.groupby(keys).position_error_m.describe()[["count", "25%", "50%", "75%"]]
-    ours = described.set_axis(["stretches", "quartile_1_m", "median_m", "quartile_3_m"], axis=1).reset_index()
-    rivals = pd.DataFrame({"method": RIVALS, "outcome": "not run yet"})
-    return pd.concat([ours, rivals], ignore_index=True)
+    keys = ["sequence", "method", "modality"]
+    groups = log.groupby(keys)
+    sums = groups[COUNTS].sum()
+    rows = pd.DataFrame({
+        "runs": groups.size(),
+        "failed": groups.outcome.agg(lambda o: int((o != "finished").sum())),
+        "scored": groups.not_scored.agg(lambda r: int((r == "").sum())),
+        "tracked_percent": 100 * sums.tracked / sums.frames,
+        "lost_percent": 100 * sums.lost / sums.frames,
+        "resets_per_run": groups.resets.mean(),
+    })  # fmt: skip
+    errors = table.groupby(keys).position_error_m.describe()[["count", "25%", "50%", "75%"]]
+    errors.columns = ["stretches", "quartile_1_m", "median_m", "quartile_3_m"]
+    per_run = table.groupby([*keys, "run"]).position_error_m.median()
+    errors["best_run_m"] = per_run.groupby(keys).min()
+    everything = itertools.product(SEQUENCES, METHODS, MODALITIES)
+    index = pd.MultiIndex.from_tuples([*everything, *((s, "EVO", "event") for s in SEQUENCES)], names=keys)
+    rows = rows.join(errors, how="left").reindex(index).reset_index()
+    return rows.assign(outcome=np.where(rows.runs.isna(), "not run here", "run"))

@@ -1,0 +1,195 @@
+"""`make vo`: run ORB-SLAM3 and SVO on the bench's recordings, estimate our poses on them, keep all tracks.
+
+Simulates the sequences, exports them, and starts each run in a process of its own from `.venv-vo`.  What
+is done is kept in data/derived/vo under a hash of what made it, so that an interrupted benchmark goes on.
+Ends by writing data/results/odometry: tracks, truth, run log, provenance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import os
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+
+from lmmap import accuracy, odometry, simulation, vo
+from lmmap.core import Port, Trajectory
+from lmmap.pipeline import Estimator, estimate
+from lmmap.recordings import open_recording
+from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
+from lmmap.trajectories import write_trajectory
+
+SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
+STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
+RUNS = 2  # of each start, by default: neither system is deterministic
+TRUTH_HZ = 20  # the motion is slow: interpolating this is exact to 0.02 mm
+TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far too busy
+PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
+RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py"}
+SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
+ESTIMATING = ("core", "geometry", "conics", "events", "ellipse", "circle", "yaw", "tracking", "filters",
+              "pipeline", "odometry")  # fmt: skip
+
+
+def say(line: str) -> None:
+    print(f"vo: {line}", flush=True)
+
+
+def kept(path: Path, mark: str, make) -> bool:
+    """Make what ``path.done`` does not say to be there already."""
+    done = path.with_name(path.name + ".done")
+    if done.exists() and done.read_text() == mark:
+        return False
+    done.unlink(missing_ok=True)
+    make()
+    done.write_text(mark)
+    return True
+
+
+def prepare(name: str, seconds: float, folder: Path) -> str:
+    """Simulate and export a sequence; returns a hash of the recording and of the images."""
+    mark = fingerprint(name, str(seconds), patterns=accuracy.BENCH)
+    path = folder / f"{name}.npz"
+    say(f"{name}: {seconds:.0f} s")
+    kept(path, mark, lambda: simulation.record(name, seconds, path))
+    exported = mark + fingerprint(patterns=("lmmap/vo.py",))
+    kept(folder / name, exported, lambda: vo.export(open_recording(path), folder / name, bag=False))
+    images = f"{(folder / name).relative_to(ROOT)}/*"
+    return fingerprint(mark, patterns=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
+
+
+def run(
+    method: str, modality: str, name: str, start_s: float, number: int, folder: Path, seconds: float
+) -> dict:
+    """One run in its own process; a crash or a time-out is an outcome like another."""
+    row = {"method": method, "modality": modality, "sequence": name, "run": number, "start_s": start_s}
+    stem = f"{method}-{modality}-{name}-{number:02d}"
+    track = folder / "tracks" / f"{stem}.tum"
+    track.unlink(missing_ok=True)
+    arguments = [folder / name, modality, str(start_s), track, folder / "vocabulary.txt"]
+    counts, limit_s = dict.fromkeys(odometry.COUNTS), seconds - start_s + TIMEOUT_S
+    with (track.with_suffix(".log")).open("w") as log:
+        try:  # in a session of its own: Ctrl-C is for us, and no failure of theirs
+            command = [PYTHON, HERE / RUNNERS[method], *arguments]
+            code = subprocess.run(command, stdout=log, stderr=log, timeout=limit_s, check=False,
+                                  start_new_session=True).returncode  # fmt: skip
+            outcome = f"crashed, signal {-code}" if code < 0 else f"ended with code {code}"
+            outcome = "finished" if code == 0 else outcome
+        except subprocess.TimeoutExpired:
+            outcome = f"timed out after {limit_s:.0f} s"
+    text = track.with_suffix(".log").read_text(errors="replace")
+    for line in (line for line in text.splitlines() if line.startswith("SUMMARY ")):
+        counts |= json.loads(line.removeprefix("SUMMARY "))
+    if not track.exists():
+        track.write_text("")
+    say(f"{stem}: {outcome}, tracked {counts['tracked']} of {counts['frames']}, {counts['resets']} resets")
+    return {**row, "outcome": outcome, **counts, "file": track.name}
+
+
+def runs(pool: ThreadPoolExecutor, folder: Path, marks: dict[str, str], seconds: float, repeats: int):
+    """Start all runs of the odometries and yield their rows; those kept are not repeated."""
+    words = fingerprint(patterns=(f"{folder.relative_to(ROOT)}/vocabulary.txt",))
+
+    def one(job):
+        (number, start), method, modality, name = job
+        path = folder / "tracks" / f"{method}-{modality}-{name}-{number:02d}.json"
+        scripts = (*SCRIPTS, f"benchmarks/vo/{RUNNERS[method]}")
+        mark = marks[name] + words + fingerprint(str(start), patterns=scripts)
+        kept(path, mark, lambda: path.write_text(
+            json.dumps(run(method, modality, name, start * seconds, number, folder, seconds))))  # fmt: skip
+        return json.loads(path.read_text())
+
+    starts = enumerate(STARTS * repeats)
+    return pool.map(one, itertools.product(starts, RUNNERS, odometry.MODALITIES, marks))
+
+
+def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
+    """Our estimates on the same images, as a track; one run, for it is deterministic."""
+    path, port = folder / "tracks" / f"lmmap-{modality}-{name}-00.tum", Port.lm_map()
+    counts = path.with_suffix(".json")
+
+    def make():
+        recording = open_recording(folder / f"{name}.npz")
+        estimator = Estimator(recording.camera, port, modality)
+        found = list(estimate(recording, estimator, estimator.settings.rate_hz))
+        track = odometry.camera_track(found, port)
+        write_trajectory(track, path, "tum")
+        first = (
+            next((k for k, e in enumerate(found) if e.t_us == track.t_us[0]), 0) if len(track) else len(found)
+        )
+        values = (len(found), first, len(track), len(found) - first - len(track), 0, int(len(track) > 0))
+        counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
+        say(f"{path.stem}: {len(track)} poses of {len(found)} images")
+
+    modules = [f"lmmap/{module}.py" for module in ESTIMATING]
+    kept(path, mark + fingerprint(patterns=(*modules, "data/weights/*")), make)
+    row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
+    return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
+
+
+def publish(rows: list[dict], folder: Path, facts: dict) -> None:
+    """Copy tracks and truth to data/results/odometry, with the log; tracks of other methods go."""
+    target = odometry.FOLDER
+    target.mkdir(parents=True, exist_ok=True)
+    for old in target.glob("*.tum"):
+        if not old.name.startswith("EVO-"):
+            old.unlink()
+    for name in odometry.SEQUENCES:
+        truth = open_recording(folder / f"{name}.npz").truth
+        every = max(1, round(len(truth) / (truth.t_us[-1] - truth.t_us[0]) * 1e6 / TRUTH_HZ))
+        at = sorted({*range(0, len(truth), every), len(truth) - 1})
+        write_trajectory(
+            Trajectory(truth.t_us[at], truth.T_cam_port[at]), target / f"truth-{name}.tum", "tum"
+        )
+    for row in rows:
+        lines = (folder / "tracks" / row["file"]).read_text().splitlines()
+        (target / row["file"]).write_text("".join(_short(line) + "\n" for line in lines))
+    save_table(target / "runs.csv", pd.DataFrame(rows), **facts)
+    say(f"{target.relative_to(ROOT)}: {len(rows)} runs written")
+
+
+def _short(line: str) -> str:
+    if line.startswith("#"):
+        return line
+    time, *pose = line.split()
+    return " ".join([time, *(f"{float(v):.6f}" for v in pose)])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 2,
+                        help="runs at a time; each wants a third of a core, in real time")  # fmt: skip
+    parser.add_argument("--runs", type=int, default=RUNS, help="of each of the three starts")
+    arguments = parser.parse_args()
+    seconds, folder = SECONDS[profile()], DERIVED / "vo" / profile()
+    (folder / "tracks").mkdir(parents=True, exist_ok=True)
+    marks = {name: prepare(name, seconds, folder) for name in odometry.SEQUENCES}
+    words = folder / "vocabulary.txt"
+    mark = fingerprint(patterns=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
+    kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
+    with ThreadPoolExecutor(arguments.workers) as pool:
+        try:
+            theirs = runs(pool, folder, marks, seconds, arguments.runs)
+            rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
+            rows += theirs
+        except BaseException:  # those under way end, and are kept; no other begins
+            pool.shutdown(cancel_futures=True)
+            raise
+    vocabulary = subprocess.run(
+        ["sha256sum", words], capture_output=True, text=True, check=True
+    ).stdout.split()[0]
+    pins = [line.strip() for line in (HERE / "requirements.txt").read_text().splitlines() if "==" in line]
+    publish(
+        rows,
+        folder,
+        {"profile": profile(), "seconds": seconds, "vocabulary_sha256": vocabulary, "pins": pins},
+    )
+
+
+if __name__ == "__main__":
+    main()
