@@ -225,7 +225,7 @@ def test_nothing_in_the_module_can_unpickle():
     word = re.compile(
         r"pickle(?!=False)|\bshelve\b|\bmarshal\b|torch\.load|joblib\.load|unsafe_load|yaml\.load\(|\beval\(|\bexec\("
     )
-    net_eval = re.compile(r"\.eval\(\)")
+    net_eval = re.compile(r"\.eval\(\)|def eval\(")  # a network's mode; the name of Mitsuba's method
     for path in [*(ROOT / "lmmap").glob("*.py"), *(ROOT / "benchmarks").glob("*.py")]:
         lines = path.read_text().splitlines()
         found = [line for line in lines if word.search(net_eval.sub("", line))]
