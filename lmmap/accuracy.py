@@ -9,9 +9,11 @@ import pandas as pd
 
 from . import photometry, sequences
 from .core import Estimate, Port, Pose, Recording
+from .filters import shipped_gaps
 from .geometry import in_view
 from .metrics import normal_error_rad, position_error_m, rotation_error_rad
 from .pipeline import Estimator, estimate, true_poses
+from .quality import filter_quality
 from .recordings import open_recording, write_npz
 from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .tracking import outlier_filter
@@ -115,6 +117,9 @@ def reproduce(profile: str, report=print) -> None:
         for gap in DOMAIN_GAPS if name.startswith("test") else DOMAIN_GAPS[:1]:
             for modality in MODALITIES:
                 _estimate(recording, modality, gap, folder, profile, report)
+        if name.startswith("test"):
+            fits = pd.concat([filter_quality(recording, gap) for gap in shipped_gaps()])
+            save_table(folder / f"filters-{name}.csv", fits, profile=profile)
         if recording.truth is not None:
             values = saturation(recording, Port.lm_map())
             save_json(folder / f"saturation-{name}.json", values, profile=profile)

@@ -16,11 +16,10 @@ from tqdm import tqdm
 from . import accuracy, photometry, sequences, simulation, vo
 from . import commands as work
 from .core import Camera, InputError
-from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
+from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recordings import WRITERS
 from .results import DERIVED, profile, save_json
 
-SHIPPED = "low"  # the filters for recordings that nobody rendered: "robust" as soon as they ship
 EXAMPLES = """examples:
   lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
   lmmap info demo.aedat4
@@ -139,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="default: all")
     sub.add_argument("--seed", type=int, default=0)
     sub.add_argument("--steps", type=int, default=2000)
+    sub.add_argument("--start-from", choices=DOMAIN_GAPS, default="", help="other weights to go on from")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
@@ -162,8 +162,9 @@ def _estimation(sub, required: bool) -> None:
     _file(sub, "--port", help="another port's geometry (JSON)")
     sub.add_argument("--rate", type=float, metavar="HZ", help="default: every frame, every N events")
     sub.add_argument("--events", type=int, metavar="N", help="events a histogram (default: 0.39 a pixel)")
-    gap = f"filters trained on this (default: {SHIPPED})"
-    sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=SHIPPED, help=gap)
+    default = shipped_gaps()[-1]  # robust, once trained: for what nobody rendered
+    gap = f"filters trained on this (default: {default})"
+    sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=default, help=gap)
     sub.add_argument("--weights", metavar="FOLDER", help="filters of your own, named as ours")
 
 
@@ -215,7 +216,7 @@ def train(a) -> None:
     names = [a.filter] if a.filter else FILTERS
     modalities = [a.modality] if a.modality else CHANNELS
     for gap, name, modality in product(gaps, names, modalities):
-        recipe = training.Recipe(name, modality, gap, a.seed, a.steps)
+        recipe = training.Recipe(name, modality, gap, a.seed, a.steps, start_from=a.start_from)
         path = training.train(recipe, DERIVED / "training", lambda line: print(line, flush=True))
         print(f"{path}: written")
 

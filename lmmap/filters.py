@@ -142,22 +142,35 @@ def load_card(path) -> dict:
     return json.loads(Path(path).with_suffix(".json").read_text())
 
 
-def load_filter(path, modality: str, precision: str = "auto") -> Filter:
-    """A filter from its weight file; `InputError` if it is absent, damaged or of another shape."""
+def shipped_gaps() -> list[str]:
+    """Those of `DOMAIN_GAPS` of which all filters are there."""
+    everything = [(f, m) for f in FILTERS for m in CHANNELS]
+    return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
+
+
+def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
+    """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
     path = Path(path)
-    net = FilterNet(CHANNELS[modality])
     try:
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
         expected = load_card(path)["sha256"]
-        if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
-            raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
-        net.load_state_dict(tensors)
-        if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
-            raise InputError(f"{path}: weights that are not finite; restore it or run 'make train'")
+        actual = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError, KeyError, SafetensorError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: no readable weights ({reason}); restore it or run 'make train'") from None
-    except RuntimeError:
-        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet") from None
+    if actual != expected:
+        raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
+    shapes = {k: v.shape for k, v in FilterNet(CHANNELS[modality]).state_dict().items()}
+    if {k: v.shape for k, v in tensors.items()} != shapes:
+        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet")
+    if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
+        raise InputError(f"{path}: weights that are not finite; restore it or run 'make train'")
+    return tensors
+
+
+def load_filter(path, modality: str, precision: str = "auto") -> Filter:
+    """A filter from its weight file; errors as `load_weights`."""
+    net = FilterNet(CHANNELS[modality])
+    net.load_state_dict(load_weights(path, modality))
     return Filter(net, modality, precision)

@@ -41,7 +41,7 @@ def missed_share(mask, truth, within_px: float = 2.0) -> float:
 
 
 def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("rgb", "event"),
-                   most: int = 60, port: Port | None = None, settings: Settings = PAPER,
+                   most: int = 30, port: Port | None = None, settings: Settings = PAPER,
                    precision: str = "auto") -> pd.DataFrame:  # fmt: skip
     """Every filter of one set on a recording whose truth is known, full frames, ring in view only.
 

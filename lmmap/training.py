@@ -21,11 +21,20 @@ from torch.nn import functional as F
 
 from . import augment, dataset
 from .core import PAPER, InputError
-from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, FilterNet, encode, save_weights, weight_path
+from .filters import (
+    CHANNELS,
+    DOMAIN_GAPS,
+    FILTERS,
+    FilterNet,
+    encode,
+    load_weights,
+    save_weights,
+    weight_path,
+)
 from .results import commit
 
 CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out images, progress is measured
-MOST_VALIDATED = 256  # images of the last validation, spread evenly
+MOST_VALIDATED = 128  # images of the last validation, spread evenly
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,7 @@ class Recipe:
     positive_crops: float = 0.65
     rate: float = 1e-3
     warm_up: int = 100
+    start_from: str = ""  # a domain gap, whose weights are the first ones
 
     def __post_init__(self):
         named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
@@ -62,7 +72,7 @@ class Recipe:
         return (
             f"lmmap train --filter {self.filter} --modality {self.modality} "
             f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"
-        )
+        ) + (f" --start-from {self.start_from}" if self.start_from else "")
 
 
 def batch(samples: dataset.Samples, recipe: Recipe, step: int):
@@ -120,7 +130,8 @@ def validate(net: FilterNet, samples: dataset.Samples, most: int = MOST_VALIDATE
     return {"loss": round(loss, 6), "iou": round(inter / max(union, 1), 4), "images": len(some)}
 
 
-def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None) -> Path:
+def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
+          every: int | None = None) -> Path:  # fmt: skip
     """Train one filter, resuming from its checkpoint, and keep its weights; returns their path.
 
     Parameters
@@ -129,15 +140,23 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         The training set, made where it is absent, and the checkpoints.
     weights
         Where to write; default: where the package looks for them.
+    names
+        Sequences; default: the domain gap's.
+    every
+        Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
     """
-    names = dataset.SETS[recipe.domain_gap]
+    names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
     dataset.make(names, folder, report=report)
     samples, held_out = (
         dataset.Samples(some, recipe.filter, recipe.modality, folder) for some in dataset.split(names)
     )
     prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(recipe.seed)
-    net = FilterNet(CHANNELS[recipe.modality], prior).to(device, memory_format=torch.channels_last)
+    net = FilterNet(CHANNELS[recipe.modality], prior)
+    if recipe.start_from:
+        first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
+        net.load_state_dict(load_weights(first, recipe.modality))
+    net = net.to(device, memory_format=torch.channels_last)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = (
         folder / f"{recipe.filter}-{recipe.modality}-{recipe.domain_gap}-{recipe.seed}.ckpt.safetensors"
@@ -148,7 +167,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         for step in range(start, recipe.steps):
             running.append(_step(net, adam, batch(samples, recipe, step), recipe, step))
             last = step + 1 == recipe.steps
-            if last or (step + 1) % CHECKPOINT_STEPS == 0:
+            if last or (step + 1) % every == 0:
                 curve.append({"step": step + 1, "training_loss": round(float(np.mean(running)), 6),
                               **validate(net, held_out, MOST_VALIDATED if last else CHECKED)})  # fmt: skip
                 _checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
@@ -206,7 +225,7 @@ def _resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    if json.loads(facts["recipe"]) != asdict(recipe):
+    if Recipe(**json.loads(facts["recipe"])) != recipe:
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from lmmap import cli
 from lmmap.core import InputError
 from lmmap.filters import (
     CHANNELS,
+    DOMAIN_GAPS,
     FILTERS,
     RECEPTIVE_RADIUS_PX,
     WEIGHTS,
@@ -19,6 +19,7 @@ from lmmap.filters import (
     load_card,
     load_filter,
     save_weights,
+    shipped_gaps,
     up_to_one_channel,
     weight_path,
 )
@@ -171,7 +172,7 @@ def test_weights_of_every_modality_and_filter_ship():
         assert all(weight_path(f, m, gap).exists() for f in FILTERS for m in CHANNELS)
     robust = [weight_path(f, m, "robust").exists() for f in FILTERS for m in CHANNELS]
     assert all(robust) or not any(robust)
-    assert ("robust" if all(robust) else "low") == cli.SHIPPED
+    assert shipped_gaps() == [*DOMAIN_GAPS[:2], *DOMAIN_GAPS[2:] * all(robust)]
 
 
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)

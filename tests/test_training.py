@@ -133,6 +133,17 @@ def test_learns_a_bright_square_and_says_how(toy, modality):
     assert filters.load_filter(path, modality)(image).shape == SHAPE
 
 
+def test_a_run_may_start_from_other_weights(toy):
+    training.train(training.Recipe("ring", "event", "low", steps=3, batch=2), toy, quiet)
+    recipe = training.Recipe("ring", "event", "robust", steps=1, batch=2, rate=0.0, start_from="low")
+    path = training.train(recipe, toy, quiet)
+    first, last = (
+        filters.load_weights(toy / f"ring-event-{gap}.safetensors", "event") for gap in ("low", "robust")
+    )
+    assert all(torch.equal(first[k], last[k]) for k in first)
+    assert filters.load_card(path)["command"].endswith("--start-from low")
+
+
 def test_a_recipe_refuses_what_it_does_not_know():
     with pytest.raises(ValueError, match="filter is one of"):
         training.Recipe("rings", "event")
