@@ -38,10 +38,12 @@ class Watch:
 
     def __init__(self):
         self.seconds: dict[str, list[float]] = {}
+        self.processor_s: dict[str, list[float]] = {}
 
     def __call__(self, stage: str, function, *arguments, **options):
-        start = time.perf_counter()
+        start, used = time.perf_counter(), time.process_time()
         answer = function(*arguments, **options)
+        self.processor_s.setdefault(stage, []).append(time.process_time() - used)
         self.seconds.setdefault(stage, []).append(time.perf_counter() - start)
         return answer
 
@@ -110,6 +112,7 @@ def main() -> None:
     goal = GOAL_HZ[has_bfloat16()]
     threads, bits = torch.get_num_threads(), "with" if has_bfloat16() else "without"
     print(f"{threads} threads, processor {bits} bfloat16; the paper: {PAPER_HZ:g} Hz with a GPU")
+    print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
     some = recording.events[: PAPER.events_per_window]
     for modality in ("rgb", "event"):
         estimator, nets = Estimator(recording.camera, modality=modality), plain_nets(modality)
@@ -134,6 +137,8 @@ def main() -> None:
             print(f"  {stage:24}" + "".join(cells))
         print(f"  {'image to pose':24}{a:8.2f}{b:8.2f}")
         good = 1e3 / a >= goal and b / a >= LEAST_RATIO
+        used = [1e3 * float(np.median(w.processor_s["whole"])) for w in (whole, peer_whole)]
+        print(f"  {'of all processors':24}{used[0]:8.2f}{used[1]:8.2f}")
         print(f"  {1e3 / a:.1f} Hz (plain {1e3 / b:.1f}), {b / a:.1f}x; "
               f"goal {goal:g} Hz and {LEAST_RATIO:g}x: {'reached' if good else 'NOT reached'}")  # fmt: skip
 

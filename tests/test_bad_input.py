@@ -178,6 +178,7 @@ def test_interrupted(tmp_path):
     run = subprocess.Popen(
         [sys.executable, "-m", "lmmap", "estimate", MINI, "--modality", "event", "-o", poses],
         stderr=subprocess.PIPE, text=True, cwd=ROOT,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # jobs in the background ignore it
     )  # fmt: skip
     for _ in range(1200):
         if poses.exists() and poses.read_bytes().count(b"\n") > 2:
