@@ -57,7 +57,7 @@ def main():
         exact = ours["float32"]
         nets = [contiguous(f._net) for f in (exact.ring_filter, exact.reflector_filter)]
         _, image = list(images(recording, modality))[-5]
-        ellipse, _ = exact.find_ring(exact.ring_filter(image))
+        ellipse = exact.find_ring(exact.ring_filter(image))[0].ellipse
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):
             start = time.perf_counter()

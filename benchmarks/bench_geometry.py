@@ -16,7 +16,7 @@ import time
 import cv2
 import numpy as np
 
-from lmmap import circle, ellipse, geometry, yaw
+from lmmap import circle, contour, ellipse, geometry, yaw
 from lmmap.core import PAPER, Camera, Ellipse, Port, Pose
 
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
@@ -88,7 +88,7 @@ def main() -> None:
     for name, ours, peer in rows:
         a, b = best_s(ours), best_s(peer)
         print(f"{1e3 * a:9.3f} {1e3 * b:9.3f} {b / a:9.1f}  {name}")
-    fine = best_s(lambda: ellipse.refine_on_mask(image, ring, 12.0))
+    fine = best_s(lambda: contour.trace(image, ring, 12.0))
     print(f"{1e3 * fine:9.3f} {'-':>9} {'-':>9}  ellipse: refinement on the mask")
 
 

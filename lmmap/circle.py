@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .conics import cone
 from .core import Camera, Ellipse, Pose
 from .geometry import conic_from_ellipse
 
@@ -31,12 +32,10 @@ def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
         If the radius is not positive or an ellipse is not finite with positive semi-axes.
     """
     _check(ellipse, radius_m)
-    Q = camera.K.T @ conic_from_ellipse(ellipse) @ camera.K
-    eigenvalues, E = np.linalg.eigh(Q)  # ascending
-    l3, l2, l1 = np.moveaxis(eigenvalues, -1, 0)
-    e1, e3 = E[..., :, 2], E[..., :, 0]
+    eigenvalues, E = cone(conic_from_ellipse(ellipse), camera.K)
+    l1, l2, l3 = np.moveaxis(eigenvalues, -1, 0)
+    e1, e3 = E[..., :, 0], E[..., :, 2]
     e1 = e1 * _sign(np.sum(e1[..., :2] * _minor_direction(ellipse), -1))
-    e3 = e3 * _sign(e3[..., 2])
 
     n1 = np.stack([np.sqrt((l1 - l2) / (l1 - l3))] * 2, -1) * [1, -1]
     n3 = np.sqrt((l2 - l3) / (l1 - l3))[..., None]

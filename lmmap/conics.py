@@ -42,6 +42,14 @@ def coefficients(C) -> np.ndarray:
                      2 * C[..., 0, 2], 2 * C[..., 1, 2], C[..., 2, 2]], -1)  # fmt: skip
 
 
+def cone(C, K) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues l1 >= l2 > 0 > l3 (..., 3) and eigenvectors e1, e2, e3, as columns (..., 3, 3), of the
+    cones K' C K of lines of sight through ellipses; e3 points forward."""
+    eigenvalues, E = np.linalg.eigh(K.T @ C @ K)  # ascending
+    forward = np.where(E[..., 2:, :1] >= 0, 1.0, -1.0)
+    return eigenvalues[..., ::-1], np.concatenate([E[..., 2:], E[..., 1:2], E[..., :1] * forward], -1)
+
+
 def direct_fit(x) -> np.ndarray | None:
     """Least squares under 4AC - B^2 = 1 (Halir & Flusser 1998), or None for degenerate points."""
     D1, D2 = np.split(monomials(x), 2, axis=1)

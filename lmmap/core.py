@@ -267,6 +267,11 @@ class Estimate:
     arc_coverage: float = 0.0  # of the ellipse's contour that has a ring point, in [0, 1]
     marker_score: float = 0.0  # mean marker mask inside the projected markers, in [0, 1]
     rival_score: float = 0.0  # the same for ``rival``
+    margin: float = 0.0  # how much better the normal explains the markers than the rival's, in [0, 1]
+    tilt_sigmas: float = 0.0  # distance of the ring from head-on, in its own standard deviations
+    covariance: np.ndarray | None = (
+        None  # (6, 6) of x, y, z (m), rotation (rad), camera's axes: `uncertainty`
+    )
 
 
 @dataclass(frozen=True)
@@ -282,6 +287,7 @@ class Settings:
     min_semi_major_px: float = 12.0
     min_arc_coverage: float = 0.5
     min_marker_score: float = 0.15
+    refine_jointly: bool = True  # ring and markers together, after the two circles' poses
     yaw_step_rad: float = field(default=float(np.deg2rad(1.0)))
     outlier_angle_rad: float = field(default=float(np.deg2rad(15.0)))
     outlier_poses: int = 3

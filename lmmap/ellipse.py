@@ -1,16 +1,14 @@
-"""From masks to ellipses: skeleton, conic fits, RANSAC, sub-pixel refinement.
+"""From masks to ellipses: skeleton, conic fits, RANSAC.
 
 Whether points belong to an ellipse is measured by the Sampson distance throughout.
 """
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from skimage.morphology import skeletonize
 
 from .conics import (
-    coefficients,
     direct_fit,
     five_point_conics,
     matrix,
@@ -21,14 +19,14 @@ from .conics import (
     to_pixels,
 )
 from .core import PAPER, Ellipse, Settings
-from .geometry import conic_from_ellipse, ellipse_from_conic
+from .geometry import ellipse_from_conic
 
 
 def skeleton_points(mask, threshold: float = PAPER.mask_threshold) -> np.ndarray:
     """Pixels (u, v) of the mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
 
     Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
-    `refine_on_mask` doesn't have that bias.
+    `contour.trace` doesn't have that bias.
     """
     v, u = np.nonzero(skeletonize(np.asarray(mask) > threshold, method="zhang"))
     return np.column_stack([u, v]).astype(float)
@@ -136,47 +134,6 @@ def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:
     return len(np.unique(((anomaly / (2 * np.pi)) % 1 * sectors).astype(int) % sectors)) / sectors
 
 
-def refine_on_mask(ellipse: Ellipse, mask, half_width_px: float, floor: float = 0.1) -> Ellipse:
-    """Sub-pixel ellipse along the middle of a soft mask's stroke, started from a nearby ellipse.
-
-    Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits,
-    twice.  Rays without a stroke, cut by the strip's edge, or with a width unlike the others' (a
-    second blob, an occluder) don't count; if fewer than 40 % remain, the ellipse is returned as it
-    came.
-
-    The middle of an annulus' image is not exactly the image of its centre line.  Along rays, an affine
-    camera would make it so; perspective leaves at most 0.05 deg and 0.12 mm from 0.3 m on (along the
-    normals it would be 1.8 mm).
-
-    Parameters
-    ----------
-    mask : (H, W), values in [0, 1]
-    half_width_px : of the strip along the major axis, about the stroke's full width
-    floor : mask values below are background
-    """
-    mask = np.asarray(mask, np.float32)
-    offsets = np.arange(-half_width_px, half_width_px + 0.25, 0.5)
-    for _ in range(2):
-        points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
-        radius = np.linalg.norm(points - ellipse.centre_px, axis=1, keepdims=True)
-        rays = (points - ellipse.centre_px) / radius
-        grid = points[:, None] + offsets[:, None] * rays[:, None]
-        profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        weight = np.maximum(profile - floor, 0)
-        mass = weight.sum(1)
-        width = mass / radius[:, 0]  # an annulus is as wide along every ray, in units of the radius
-        good = (mass > 0) & (weight[:, 0] == 0) & (weight[:, -1] == 0)
-        if not good.any():
-            return ellipse
-        typical = np.median(width[good])
-        good &= (width > 0.6 * typical) & (width < 1.6 * typical)
-        if good.mean() < 0.4:
-            return ellipse
-        centroid = (weight[good] @ offsets / mass[good])[:, None]
-        ellipse = _fit_robust(points[good] + centroid * rays[good], ellipse)
-    return ellipse
-
-
 def _msac(theta, x, tolerance: float):
     return np.sum(np.minimum(sampson_distance(theta, x) ** 2, tolerance**2), -1)
 
@@ -198,16 +155,3 @@ def _plausible(theta, settings: Settings):
     ellipse, real = ellipse_from_conic(matrix(theta))
     with np.errstate(invalid="ignore"):
         return real & (ellipse.semi_axes_px[..., 1] >= settings.min_axis_ratio * ellipse.semi_axes_px[..., 0])
-
-
-def _fit_robust(points, start: Ellipse) -> Ellipse:
-    """Sampson fit with Tukey's weights at 4.7 robust standard deviations, from a nearby ellipse."""
-    x, centre, scale = normalise(points)
-    to_px = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
-    theta = coefficients(to_px.T @ conic_from_ellipse(start) @ to_px)
-    for _ in range(4):
-        r = np.abs(sampson_distance(theta, x))
-        cut = 4.7 * max(1.48 * np.median(r), 1e-9)
-        theta = sampson_fit(theta, x, np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
-    ellipse, real = ellipse_from_conic(matrix(theta))
-    return to_pixels(ellipse, centre, scale) if real else start

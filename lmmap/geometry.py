@@ -62,6 +62,14 @@ def undistort_points(points_px, camera: Camera) -> np.ndarray:
     return xy * [camera.fx_px, camera.fy_px] + [camera.cx_px, camera.cy_px]
 
 
+def distort_points(points_px, camera: Camera) -> np.ndarray:
+    """Inverse of `undistort_points`: where the camera sees them, (..., 2) -> (..., 2)."""
+    if not camera.distortion:
+        return np.asarray(points_px, float)
+    centre, focal = [camera.cx_px, camera.cy_px], [camera.fx_px, camera.fy_px]
+    return distort((np.asarray(points_px, float) - centre) / focal, camera) * focal + centre
+
+
 def rescale_px(points_px, scale: float) -> np.ndarray:
     """Pixels of the same image resampled by ``scale``: centres stay centres."""
     return (np.asarray(points_px, float) + 0.5) * scale - 0.5

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from . import circle, ellipse, yaw
+from . import circle, contour, ellipse, joint, uncertainty, yaw
+from .contour import Contour
 from .core import PAPER, Camera, Ellipse, Estimate, Port, Pose, Recording, Settings, Status
 from .events import histogram, windows, windows_before
 from .filters import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
 from .geometry import undistort_points
 
+MIN_SIGMA_PX = 0.02  # no contour is known better, whatever its scatter
 REFLECTOR_MARGIN = 0.35  # of the ring's box: how far parallax moves the raised markers out of it
 
 
@@ -58,34 +60,51 @@ class Estimator:
         if image.shape[:2] != self.camera.size_px[::-1]:
             shape = self.camera.size_px[::-1]
             raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")
-        fitted, coverage = self.find_ring(self.ring_filter(image))
-        if not isinstance(fitted, Ellipse):
-            return Estimate(t_us, fitted)
-        candidates = circle.poses(fitted, self.camera, self.port.ring_radius_m)
+        ring, coverage = self.find_ring(self.ring_filter(image))
+        if not isinstance(ring, Contour):
+            return Estimate(t_us, ring)
+        fitted, radius_m = ring.ellipse, self.port.ring_radius_m
+        candidates = circle.poses(fitted, self.camera, radius_m)
         reflectors = self.find_reflectors(image, fitted)
         best = yaw.fast_yaw(reflectors, candidates, self.port, self.camera, self.settings)
         if best.score < self.settings.min_marker_score:
             return Estimate(t_us, Status.NO_MARKERS, ellipse=fitted, arc_coverage=coverage,
                             marker_score=best.score)  # fmt: skip
-        printed = circle.paper_poses(fitted, self.camera, self.port.ring_radius_m)
+        printed = circle.paper_poses(fitted, self.camera, radius_m)
         paper = yaw.fast_yaw(reflectors, printed, self.port, self.camera, self.settings)
-        return Estimate(t_us, Status.OK, best.T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
-                        best.score, best.rival_score)  # fmt: skip
+        T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
+        return Estimate(t_us, Status.OK, T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
+                        best.score, best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
 
-    def find_ring(self, mask: np.ndarray) -> tuple[Ellipse | Status, float]:
-        """The ring's ellipse, free of lens distortion, and its arc coverage; or why there is none."""
+    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
+        """Pose with its covariance (6, 6), refined on ring and markers where the settings and enough of
+        the markers' edges allow it; and the ring's distance from head-on, in standard deviations."""
+        sigma_px = max(ring.sigma_px, MIN_SIGMA_PX) * np.sqrt(uncertainty.INFLATION[self.modality])
+        known = uncertainty.pose_uncertainty(
+            best.T_cam_port, ring.points_px, sigma_px, self.port.ring_radius_m, self.camera, best.sigma_rad
+        )
+        if self.settings.refine_jointly:
+            marker_sigma_px = joint.MARKER_SIGMA_PX[self.modality]
+            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
+                                marker_sigma_px)  # fmt: skip
+            if both is not None:
+                return both.T_cam_port, both.covariance, known.tilt_sigmas
+        return best.T_cam_port, known.covariance, known.tilt_sigmas
+
+    def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
+        """The ring's contour, free of lens distortion, and its arc coverage; or why there is none."""
         points = ellipse.skeleton_points(mask, self.settings.mask_threshold)
         if len(points) < self.settings.min_ring_pixels:
             return Status.NO_RING, 0.0
         points = undistort_points(points, self.camera)
-        fitted, _ = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
+        fitted, inliers = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
         if fitted is None:
             return Status.NO_ELLIPSE, 0.0
-        if not self.camera.distortion:  # the mask's own pixels are distorted
-            p, semi_major_px = self.port, fitted.semi_axes_px[0]
-            stroke = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * semi_major_px
-            fitted = ellipse.refine_on_mask(fitted, mask, 1.5 * stroke)
-        return fitted, ellipse.arc_coverage(fitted, points)
+        p = self.port
+        stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
+        found = contour.trace(fitted, mask, 1.5 * stroke_px, self.camera)
+        found = found or contour.on_points(fitted, points[inliers])
+        return found, ellipse.arc_coverage(found.ellipse, points)
 
     def find_reflectors(self, image: np.ndarray, ring: Ellipse) -> np.ndarray:
         """Reflector mask (H, W), computed around the ring only and zero elsewhere."""

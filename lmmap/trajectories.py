@@ -19,6 +19,10 @@ from .core import Ellipse, Estimate, InputError, Pose, Status, Trajectory
 POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
 SCORES = ("arc_coverage", "marker_score", "rival_score")
+CERTAINTY = ("margin", "tilt_sigmas")
+AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance, see `uncertainty`: m and rad, camera's axes
+UPPER = np.triu_indices(6)
+COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
 PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_"}  # poses of an `Estimate`
 
 
@@ -78,9 +82,11 @@ def read_trajectory(path) -> Trajectory:
 
 
 def write_estimates(estimates: list[Estimate], path) -> None:
-    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's and the paper's pose."""
+    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's and the paper's pose,
+    certainty, and the upper triangle of the pose's covariance."""
     head = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
     head += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
+    head += [*CERTAINTY, *COVARIANCE]
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
         writer = csv.DictWriter(file, head, lineterminator="\n")
         writer.writeheader()
@@ -89,7 +95,9 @@ def write_estimates(estimates: list[Estimate], path) -> None:
 
 def _row(e: Estimate) -> dict:
     row = {"t_us": int(e.t_us), "status": str(e.status)}
-    row |= {name: f"{getattr(e, name):.6g}" for name in SCORES}
+    row |= {name: f"{getattr(e, name):.6g}" for name in (*SCORES, *CERTAINTY)}
+    if e.covariance is not None:
+        row |= {n: f"{v:.9g}" for n, v in zip(COVARIANCE, e.covariance[UPPER], strict=True)}
     if e.ellipse is not None:
         values = np.r_[e.ellipse.centre_px, e.ellipse.semi_axes_px, e.ellipse.angle_rad]
         row |= {name: f"{v:.6f}" for name, v in zip(ELLIPSE, values, strict=True)}
@@ -120,7 +128,13 @@ def _estimate(row: dict) -> Estimate:
         u, v, major, minor, angle = (float(row[n]) for n in ELLIPSE)
         ellipse = Ellipse([u, v], [major, minor], angle)
     scores = {name: float(row[name]) for name in SCORES}
-    return Estimate(int(row["t_us"]), Status(row["status"]), ellipse=ellipse, **poses, **scores)
+    scores |= {name: float(row[name]) for name in CERTAINTY if row.get(name)}  # newer than the rest
+    covariance = None
+    if row.get(COVARIANCE[0]):
+        covariance = np.zeros((6, 6))
+        covariance[UPPER] = covariance.T[UPPER] = [float(row[n]) for n in COVARIANCE]
+    return Estimate(int(row["t_us"]), Status(row["status"]), ellipse=ellipse, covariance=covariance,
+                    **poses, **scores)  # fmt: skip
 
 
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:

@@ -14,18 +14,25 @@ import numpy as np
 from .core import PAPER, Camera, Port, Pose, Settings
 from .geometry import project, rotation_z
 
+# by `python benchmarks/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
+YAW_INFLATION = 1.08
+
 
 @dataclass(frozen=True)
 class YawFit:
     """The better of the two normals with its best yaw, and the other normal with its best yaw.
 
-    Scores are the mean of the mask inside the projected markers, in [0, 1].
+    Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` says how sure
+    the choice of the normal is: by how much of its own size the criterion falls from the better normal
+    to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal.
     """
 
     T_cam_port: Pose
     score: float
     rival: Pose
     rival_score: float
+    margin: float = 0.0
+    sigma_rad: float = np.inf
 
 
 def paper_yaw(
@@ -80,15 +87,13 @@ def fast_yaw(
     spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
     correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
-    peak = correlation.argmax(1)
-    left, top, right = (correlation[[0, 1], (peak + k) % folded.shape[-1]] for k in (-1, 0, 1))
-    bend = left - 2 * top + right
-    offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1), 0)
-    poses = _turned(T_cam_port, (peak + offset) * (angles[1] - angles[0]))
+    yaw_rad, sigma_rad = _peak(correlation, folded, template, angles[1] - angles[0])
+    sigma_rad = np.minimum(YAW_INFLATION * sigma_rad, port.yaw_period_rad / np.sqrt(12))  # at most: unknown
+    poses = _turned(T_cam_port, yaw_rad)
 
     mean = marker_score(mask, poses, port, camera)
     area = _area_px(_project_markers(poses, port.marker_corners_m(), camera))
-    return _fit(poses, mean * np.sqrt(area), mean)
+    return _fit(poses, mean * np.sqrt(area), mean, sigma_rad)
 
 
 def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
@@ -152,9 +157,30 @@ def _area_px(corners_px):
     return np.nan_to_num(np.abs(cross.sum(-1)).sum(-1) / 2)
 
 
-def _fit(poses: Pose, criterion, score) -> YawFit:
+def _fit(poses: Pose, criterion, score, sigma_rad=(np.inf, np.inf)) -> YawFit:
     best = int(np.argmax(criterion))
-    return YawFit(poses[best], float(score[best]), poses[1 - best], float(score[1 - best]))
+    margin = 1 - criterion[1 - best] / criterion[best] if criterion[best] > 0 else 0.0
+    return YawFit(poses[best], float(score[best]), poses[1 - best], float(score[1 - best]), float(margin),
+                  float(sigma_rad[best]))  # fmt: skip
+
+
+def _peak(correlation, folded, template, step_rad: float):
+    """Yaw (2,) of the correlation's peak by a parabola, and its standard deviation.
+
+    To second order half the squared misfit between mask and a scaled template, weighted by area, grows by
+    a * bend * yaw^2 / 2, with a the best amplitude; so noise of variance s^2 a sample turns the peak by
+    s / sqrt(a * bend).
+    """
+    at, count = correlation.argmax(1), correlation.shape[-1]
+    left, top, right = (correlation[[0, 1], (at + k) % count] for k in (-1, 0, 1))
+    bend = np.maximum(2 * top - left - right, 0)
+    offset = np.where(bend > 0, 0.5 * (right - left) / np.where(bend > 0, bend, 1), 0)
+    amplitude = np.maximum(top, 0) / template.sum()
+    fitted = amplitude[:, None, None] * np.stack([np.roll(template > 0, k, 1) for k in at])
+    variance = np.mean((folded - fitted) ** 2, (1, 2))
+    sharp = amplitude * bend
+    sigma = np.sqrt(variance / np.where(sharp > 0, sharp, 1)) * step_rad
+    return (at + offset) * step_rad, np.where(sharp > 0, sigma, np.inf)
 
 
 def _check(mask, T_cam_port: Pose, camera: Camera):

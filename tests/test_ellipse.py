@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import CAMERA, PORT, ellipses, pose, seeds
 
-from lmmap import circle, ellipse, geometry
+from lmmap import ellipse, geometry
 from lmmap.core import PAPER, Ellipse
 
 ANY_ARC = replace(PAPER, min_arc_coverage=0.25)
@@ -156,83 +156,11 @@ def test_arc_coverage_is_the_share_of_the_arc(share):
     assert ellipse.arc_coverage(e, np.empty((0, 2))) == 0
 
 
-def mask_of(T, rng, blur_px=0.8, noise=0.03):
-    mask = cv2.GaussianBlur(geometry.ideal_masks(T, PORT, CAMERA)[0], (0, 0), blur_px)
-    return (mask + noise * rng.standard_normal(mask.shape)).clip(0, 1).astype(np.float32)
-
-
-def pose_error(e, T):
-    solved = circle.poses(e, CAMERA, PORT.ring_radius_m)
-    cosine = solved.normal @ T.normal
-    position = np.linalg.norm(solved.position_m - T.position_m, axis=-1)
-    return np.rad2deg(np.arccos(cosine.max().clip(-1, 1))), 1e3 * position[cosine.argmax()]
-
-
-TILTED = [
-    pose((170, 120), z, np.deg2rad(t), a)
-    for z, t, a in [(0.35, 20, 1), (0.5, 40, 3), (0.7, 55, 5), (0.9, 30, 0)]
-]
-
-
-def test_refinement_on_the_mask_is_sub_pixel_and_better_than_the_skeleton():
-    rng = np.random.default_rng(0)
-    errors = []
-    for T in TILTED:
-        mask = mask_of(T, rng)
-        coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
-        fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
-        errors.append((pose_error(fine, T), pose_error(coarse, T)))
-    fine, coarse = np.moveaxis(errors, 1, 0)
-    assert np.all(fine < [0.12, 2.0])  # deg, mm
-    assert np.all(np.mean(fine**2, 0) < np.mean(coarse**2, 0) / 4)
-
-
-@pytest.mark.parametrize("T", TILTED[:3])
-def test_refinement_bears_a_missing_arc_and_a_second_blob(T):
-    rng = np.random.default_rng(0)
-    mask = mask_of(T, rng)
-    contour = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(8)
-    u, v = np.round(contour[0]).astype(int)
-    mask[v - 12 : v + 12, u - 12 : u + 12] = 0
-    u, v = np.round(contour[4] * 0.8 + T_centre(T) * 0.2).astype(int)
-    mask[v - 5 : v + 5, u - 5 : u + 5] = 1
-    coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
-    fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
-    assert pose_error(fine, T)[0] < 0.4
-
-
-def T_centre(T):
-    return geometry.project(T.position_m, CAMERA)
-
-
-def test_without_a_stroke_the_ellipse_comes_back_as_it_was():
-    e = Ellipse([150, 120], [60, 35], 0.5)
-    for mask in (np.zeros((260, 346)), np.ones((260, 346))):
-        assert ellipse.refine_on_mask(e, mask, 10.0) is e
-
-
 def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     T = pose((170, 120), 0.6, 0.5)
-    points = ellipse.skeleton_points(mask_of(T, np.random.default_rng(0)))
+    points = ellipse.skeleton_points(geometry.ideal_masks(T, PORT, CAMERA)[0])
     e = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
     distance = np.min(np.linalg.norm(points[:, None] - e.points(2000), axis=-1), 1)
     assert distance.mean() < 0.6
     assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
     assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
-
-
-def test_refinement_recovers_where_something_sticks_to_the_stroke():
-    # a patch along 50 deg of the inner edge leads the skeleton, and the first ellipse, astray
-    rng, errors = np.random.default_rng(0), []
-    for T in TILTED[:3]:
-        truth = geometry.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
-        contour = truth.points(360)
-        for start in range(0, 360, 60):
-            mask = mask_of(T, rng)
-            stuck = truth.centre_px + 0.86 * (contour[start : start + 50] - truth.centre_px)
-            for u, v in np.round(stuck).astype(int):
-                mask[v - 2 : v + 3, u - 2 : u + 3] = 1
-            coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
-            fine = ellipse.refine_on_mask(coarse, mask, 0.25 * coarse.semi_axes_px[0])
-            errors.append(pose_error(fine, T)[0])
-    assert np.mean(np.array(errors) < 0.2) >= 0.85

@@ -1,0 +1,114 @@
+"""Calibrates what the covariances assume, on bench sequences that neither train nor test anything.
+
+    python benchmarks/calibrate_uncertainty.py
+
+Errors along a contour are correlated, so independent points would promise too much.  The inflation is the
+factor at which 95 % of the true poses lie in the 95 % region.  Its results are the constants
+``uncertainty.INFLATION``, ``yaw.YAW_INFLATION`` and ``joint.MARKER_SIGMA_PX``.  It prints, too, what the
+joint refinement changes.  The simulated recordings are kept in data/derived/calibration.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from lmmap import circle, joint, sequences, uncertainty, yaw
+from lmmap.contour import Contour
+from lmmap.core import Pose
+from lmmap.geometry import in_view, rotation_z
+from lmmap.metrics import normal_error_rad, position_error_m
+from lmmap.pipeline import Estimator, images
+from lmmap.recordings import open_recording, write_npz
+from lmmap.results import DERIVED
+
+SEQUENCES = [f"realistic-{i}" for i in range(101, 107)] + ["augmented-101"]
+SECONDS, RATE_HZ = 4.0, 6.0
+MARKER_SIGMAS_PX = (0.5, 0.7, 1.0, 1.4, 1.7, 2.0, 2.8, 4.0)
+
+
+def recording(name: str):
+    path = DERIVED / "calibration" / f"{name}.npz"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_npz(sequences.simulate(name, SECONDS), path)
+    return open_recording(path)
+
+
+def measured(estimator: Estimator, name: str):
+    """Contours, reflector masks, yaw fits and true poses of a sequence."""
+    seen = recording(name)
+    for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
+        truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0]
+        ring, _ = estimator.find_ring(estimator.ring_filter(image))
+        if not (isinstance(ring, Contour) and in_view(truth, estimator.port, seen.camera)):
+            continue
+        pair = circle.poses(ring.ellipse, seen.camera, estimator.port.ring_radius_m)
+        reflectors = estimator.find_reflectors(image, ring.ellipse)
+        fit = yaw.fast_yaw(reflectors, pair, estimator.port, seen.camera)
+        if fit.score >= estimator.settings.min_marker_score:
+            yield ring, reflectors, fit, truth
+
+
+def left_error(T: Pose, truth: Pose, period_rad: float) -> np.ndarray:
+    """(dx, dy, dz, rx, ry, rz) from an estimate to the truth, modulo the port's symmetry."""
+    turns = rotation_z(np.arange(round(2 * np.pi / period_rad)) * period_rad)
+    rotations = Rotation.from_matrix(truth.rotation @ turns @ T.rotation.T)
+    return np.concatenate(
+        [truth.position_m - T.position_m, rotations.as_rotvec()[rotations.magnitude().argmin()]]
+    )
+
+
+def errors(T: Pose, truth: Pose) -> tuple[float, float]:
+    return np.rad2deg(normal_error_rad(T, truth)), 1e3 * position_error_m(T, truth)
+
+
+def described(values) -> str:
+    (deg, mm), (rms_deg, rms_mm) = np.median(values, 0), np.sqrt(np.mean(values**2, 0))
+    return f"median {deg:.2f} deg, {mm:.2f} mm; RMS {rms_deg:.2f} deg, {rms_mm:.2f} mm"
+
+
+def main() -> None:
+    for modality in ("rgb", "event"):
+        estimator = Estimator(modality=modality)
+        camera, port = estimator.camera, estimator.port
+        cases = [case for name in SEQUENCES for case in measured(estimator, name)]
+        ring_nees, yaw_ratio, right = [], [], []
+        for ring, _, fit, truth in cases:
+            right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
+            T = fit.T_cam_port if right[-1] else fit.rival
+            chart = uncertainty.pose_uncertainty(
+                T, ring.points_px, ring.sigma_px, port.ring_radius_m, camera
+            ).chart
+            ring_nees.append(uncertainty.chart_nees(T, truth, chart, port.ring_radius_m, camera))
+            if right[-1]:
+                turned = left_error(T, truth, port.yaw_period_rad)[3:] @ T.normal
+                yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
+        inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
+        print(f"{modality}: {len(cases)} images, normal right in {100 * np.mean(right):.1f} %")
+        print(f"  INFLATION {inflation:.1f} (by the median {np.median(ring_nees) / chi2.ppf(0.5, 5):.1f})")
+        print(f"  YAW_INFLATION {np.quantile(yaw_ratio, 0.95) / 1.96:.2f}")
+        before = np.array([errors(f.T_cam_port, t) for _, _, f, t in cases])
+        print(f"  ring and yaw: {described(before)}")
+        for sigma_px in MARKER_SIGMAS_PX:
+            nees, after = [], []
+            for ring, reflectors, fit, truth in cases:
+                ring_sigma_px = ring.sigma_px * np.sqrt(inflation)
+                found = joint.refine(
+                    fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_sigma_px, sigma_px
+                )
+                T = found.T_cam_port if found else fit.T_cam_port
+                after.append(errors(T, truth))
+                if found:
+                    d = left_error(T, truth, port.yaw_period_rad)
+                    nees.append(d @ np.linalg.solve(found.covariance, d))
+            inside = 100 * np.mean(np.array(nees) < chi2.ppf(0.95, 6))
+            print(
+                f"  joint, {sigma_px:3.1f} px a marker edge: {described(np.array(after))}; "
+                f"in the 95 % region {inside:.0f} %, in {len(nees)} images"
+            )
+
+
+if __name__ == "__main__":
+    main()
