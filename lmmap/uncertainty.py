@@ -154,7 +154,8 @@ def _chart(T_cam_port: Pose, radius_m: float, camera: Camera):
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
     eigenvalues, E = cone(circle_conic(T_cam_port, radius_m, camera), camera.K)
     eigenvalues = eigenvalues / -eigenvalues[2]
-    if not (T_cam_port.position_m[2] > 0 and eigenvalues[1] > 0):
+    near = radius_m * np.sqrt(max(1 - T_cam_port.normal[2] ** 2, 0))  # half the circle's extent in depth
+    if not (T_cam_port.position_m[2] > near and eigenvalues[1] > 0):
         raise ValueError(f"T_cam_port: expected a circle before the camera, got {T_cam_port.position_m} m")
     m = (eigenvalues[0] + eigenvalues[1]) / 2
     return eigenvalues, E, m, (eigenvalues[0] - eigenvalues[1]) / (m + 1)

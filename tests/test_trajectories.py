@@ -50,10 +50,11 @@ def test_tum_is_the_camera_in_the_ports_frame(tmp_path):
 def estimates(seed) -> list[Estimate]:
     rng = np.random.default_rng(seed)
     a, b, c = (poses(rng) for _ in range(3))
+    root = rng.normal(size=(6, 6)) * [1e-3, 1e-3, 1e-2, 0.1, 0.1, 0.01]
     ellipse = Ellipse(rng.uniform(0, 300, 2), np.sort(rng.uniform(10, 90, 2))[::-1], rng.uniform(0, 3))
     return [
         Estimate(5, Status.NO_RING),
-        Estimate(10**15, Status.OK, a, b, c, ellipse, *rng.random(3)),
+        Estimate(10**15, Status.OK, a, b, c, ellipse, *rng.random(5), covariance=root @ root.T),
         Estimate(10**15 + 7, Status.OK, b),
         Estimate(10**15 + 9, Status.NO_MARKERS, ellipse=ellipse, arc_coverage=0.75),
     ]
@@ -72,12 +73,15 @@ def test_estimates_round_trip(tmp_path_factory, seed):
             assert (getattr(a, name) is None) == (getattr(b, name) is None)
             if getattr(a, name) is not None:
                 assert_same_pose(getattr(a, name), getattr(b, name))
+        assert (a.covariance is None) == (b.covariance is None)
+        if a.covariance is not None:
+            np.testing.assert_allclose(b.covariance, a.covariance, rtol=1e-7)
         assert (a.ellipse is None) == (b.ellipse is None)
         if a.ellipse is not None:
             np.testing.assert_allclose(a.ellipse.points(5), b.ellipse.points(5), atol=1e-4)
         np.testing.assert_allclose(
-            [a.arc_coverage, a.marker_score, a.rival_score],
-            [b.arc_coverage, b.marker_score, b.rival_score],
+            [a.arc_coverage, a.marker_score, a.rival_score, a.margin, a.tilt_sigmas],
+            [b.arc_coverage, b.marker_score, b.rival_score, b.margin, b.tilt_sigmas],
             atol=1e-5,
         )
 

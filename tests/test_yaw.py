@@ -141,3 +141,31 @@ def test_the_score_is_the_share_of_the_markers_that_is_lit():
     batch = Pose(T.rotation[None], T.position_m[None])
     full, partly = (yaw.marker_score(m, batch, PORT, CAMERA)[0] for m in (mask, dark))
     assert partly / full == pytest.approx(2 / 3, abs=0.05)
+
+
+def test_sigma_grows_with_noise_and_follows_the_error():
+    errors, sigmas = {0.05: [], 0.3: []}, {0.05: [], 0.3: []}
+    for k, T in enumerate(spread(20, 10, 45)):
+        for noise in errors:
+            fit = yaw.fast_yaw(mask_of(T, noise=noise, seed=k), candidates(T), PORT, CAMERA)
+            errors[noise].append(np.deg2rad(error_deg(fit.T_cam_port, T)))
+            sigmas[noise].append(fit.sigma_rad)
+    assert np.median(sigmas[0.3]) > 1.5 * np.median(sigmas[0.05])
+    assert all(np.mean(np.array(errors[n]) < 3 * np.array(sigmas[n])) > 0.9 for n in errors)
+
+
+@both
+def test_margin_is_small_where_the_normals_merge_and_large_where_they_part(find):
+    margins = []
+    for tilt_deg in (0.5, 5, 30):
+        T = pose((170, 120), 0.45, np.deg2rad(tilt_deg), 1.0, 2.0)
+        margins.append(find(mask_of(T), candidates(T), PORT, CAMERA).margin)
+    assert 0 <= margins[0] < margins[1] < margins[2] <= 1
+    assert margins[0] < 0.1
+    assert margins[2] > 0.3
+
+
+def test_an_empty_mask_knows_neither_yaw_nor_normal():
+    fit = yaw.fast_yaw(np.zeros((260, 346), np.float32), candidates(pose((170, 120), 0.6, 0.5)), PORT, CAMERA)
+    assert fit.margin == 0
+    assert fit.sigma_rad == pytest.approx(PORT.yaw_period_rad / np.sqrt(12))
