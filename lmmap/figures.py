@@ -6,9 +6,11 @@ import cycler
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from . import circle
 from .core import Camera, Ellipse, Estimate, Port, Pose, Recording
-from .geometry import circle_points_m, project
+from .geometry import circle_conic, circle_ellipse, circle_points_m, project
 from .pipeline import Estimator, images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
@@ -39,6 +41,76 @@ def interactive(fig, div_id: str):
     fig.update_layout(template="none", paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
                       font_color=COLOUR["ink"])  # fmt: skip
     return HTML(fig.to_html(include_plotlyjs=False, full_html=False, div_id=div_id))
+
+
+def two_circles(radius_m: float, camera: Camera, tilts_deg, distances_m):
+    """Plotly figure with sliders for tilt and distance: a circle, the other one that projects to the same
+    ellipse, and the one that the paper's formula makes of it; and their three ellipses in the image."""
+    from plotly.subplots import make_subplots
+
+    fig = make_subplots(1, 2, specs=[[{"type": "scene"}, {"type": "xy"}]], column_widths=[0.5, 0.5])
+    drawn = {(t, z): list(_three_circles(t, z, radius_m, camera)) for t in tilts_deg for z in distances_m}
+    start = tilts_deg[len(tilts_deg) // 2], distances_m[len(distances_m) // 2]
+    for z in distances_m:
+        for k, (name, colour) in enumerate(
+            (("the ring", "truth"), ("its twin", "rival"), ("printed", "paper"))
+        ):
+            circle_m, contour_px, label = drawn[start[0], z][k]
+            style = {
+                "mode": "lines",
+                "line": {"color": COLOUR[colour], "width": 4 - k},
+                "visible": z == start[1],
+            }
+            x, y, depth = circle_m.T
+            fig.add_scatter3d(x=x, y=depth, z=-y, name=name, showlegend=False, **style, row=1, col=1)
+            u, v = contour_px.T
+            fig.add_scatter(x=u, y=v, name=label, **style, row=1, col=2)
+
+    def tilted(t):
+        curves = [curve for z in distances_m for curve in drawn[t, z]]
+        update = {
+            "x": [c for circle_m, px, _ in curves for c in (circle_m[:, 0].tolist(), px[:, 0].tolist())],
+            "y": [c for circle_m, px, _ in curves for c in (circle_m[:, 2].tolist(), px[:, 1].tolist())],
+            "z": [c for circle_m, _, _ in curves for c in ((-circle_m[:, 1]).tolist(), None)],
+            "name": [label for _, _, label in curves for _ in range(2)],
+        }
+        return {"label": f"{t:g}°", "method": "restyle", "args": [update]}
+
+    def placed(z):
+        return {"label": f"{z:g} m", "method": "restyle",
+                "args": [{"visible": [other == z for other in distances_m for _ in range(6)]}]}  # fmt: skip
+
+    place = {"x": 0.02, "len": 0.44, "pad": {"t": 10}}
+    fig.update_layout(
+        height=470, margin={"l": 0, "r": 0, "t": 10, "b": 110}, legend={"x": 0.55, "y": 1.0},
+        sliders=[
+            {"currentvalue": {"prefix": "tilt "}, "active": tilts_deg.index(start[0]),
+             "steps": [tilted(t) for t in tilts_deg], **place},
+            {"currentvalue": {"prefix": "distance "}, "active": distances_m.index(start[1]),
+             "steps": [placed(z) for z in distances_m], **place, "x": 0.54},
+        ],
+        scene={"aspectmode": "data", "xaxis_title": "x (m)", "yaxis_title": "depth (m)", "zaxis_title": "up (m)",
+               "camera": {"eye": {"x": 2.0, "y": -0.6, "z": 0.7}}},
+    )  # fmt: skip
+    fig.update_xaxes(title="u (px)", range=[0, camera.width_px])
+    fig.update_yaxes(title="v (px)", range=[camera.height_px, 0], scaleanchor="x")
+    return fig
+
+
+def _three_circles(tilt_deg: float, distance_m: float, radius_m: float, camera: Camera):
+    """Points in space (N, 3), points in the image (N, 2) and a label, of each circle of `two_circles`."""
+    turn = Rotation.from_rotvec([0, np.deg2rad(tilt_deg), 0]) * Rotation.from_rotvec([np.pi, 0, 0])
+    truth = Pose(turn.as_matrix(), [0.0, 0.0, distance_m])
+    seen = circle_ellipse(truth, radius_m, camera)
+    pair, printed = circle.poses(seen, camera, radius_m), circle.paper_poses(seen, camera, radius_m)
+    nearest = int(np.argmax(pair.normal @ truth.normal))
+    chosen = (truth, "the ring"), (pair[1 - nearest], "its twin"), (printed[nearest], "printed")
+    x = np.column_stack([seen.points(), np.ones(360)])
+    for T, name in chosen:
+        Cx = x @ circle_conic(T, radius_m, camera)
+        gap_px = np.abs(np.sum(x * Cx, 1) / (2 * np.linalg.norm(Cx[:, :2], axis=1))).max()
+        points_m = T @ circle_points_m(radius_m, 40)[np.r_[:40, 0]]
+        yield points_m.round(4), project(points_m, camera).round(1), f"{name}: {gap_px:.2f} px"
 
 
 def show_image(ax, image, title: str = "") -> None:
