@@ -46,8 +46,13 @@ $(STAMP): environment.txt pyproject.toml
 reproduce: book  ## simulate, estimate, make all tables and figures, build the book
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
 
-test: env  ## run the tests
+test: env .venv/.oracles  ## run the tests
 	@$(BIN)/python -m pytest -q
+
+.venv/.oracles: $(STAMP) tests/oracles.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r tests/oracles.txt
+	@$(BIN)/python -m pip check --disable-pip-version-check
+	@touch $@
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff check .

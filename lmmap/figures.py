@@ -89,8 +89,8 @@ def two_circles(radius_m: float, camera: Camera, tilts_deg, distances_m):
             {"currentvalue": {"prefix": "distance "}, "active": distances_m.index(start[1]),
              "steps": [placed(z) for z in distances_m], **place, "x": 0.54},
         ],
-        scene={"aspectmode": "data", "xaxis_title": "x (m)", "yaxis_title": "depth (m)", "zaxis_title": "up (m)",
-               "camera": {"eye": {"x": 2.0, "y": -0.6, "z": 0.7}}},
+        scene={"aspectmode": "data", "xaxis_title": "x (m)", "yaxis_title": "depth (m)",
+               "zaxis_title": "up (m)", "camera": {"eye": {"x": 2.0, "y": -0.6, "z": 0.7}}},
     )  # fmt: skip
     fig.update_xaxes(title="u (px)", range=[0, camera.width_px])
     fig.update_yaxes(title="v (px)", range=[camera.height_px, 0], scaleanchor="x")

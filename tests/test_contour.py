@@ -85,7 +85,7 @@ def test_refinement_recovers_where_something_sticks_to_the_stroke():
 def test_a_lens_that_distorts_changes_nothing(T):
     rng = np.random.default_rng(0)
     start = geometry.circle_ellipse(T, PORT.ring_radius_m, WIDE)
-    start = Ellipse(start.centre_px + [0.8, -0.6], 1.01 * start.semi_axes_px, start.angle_rad)
+    start = Ellipse(start.centre_px + np.array([0.8, -0.6]), 1.01 * start.semi_axes_px, start.angle_rad)
     found = contour.trace(start, mask_of(T, rng, WIDE), 0.25 * start.semi_axes_px[0], WIDE)
     solved = circle.poses(found.ellipse, WIDE, PORT.ring_radius_m)
     cosine = solved.normal @ T.normal
