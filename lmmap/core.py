@@ -291,9 +291,9 @@ class Settings:
     min_ring_pixels: int = 60
     ransac_hypotheses: int = 500
     ransac_tolerance_px: float = 1.5
-    min_axis_ratio: float = 0.25
-    min_semi_major_px: float = 12.0
-    min_arc_coverage: float = 0.5
+    min_axis_ratio: float = 0.25  # 75 deg of tilt: beyond, plate and petals hide the far half of the ring
+    min_semi_major_px: float = 12.0  # at most 2.2 m: beyond, the ring's stroke is a pixel or two wide
+    min_arc_coverage: float = 0.5  # with less, the ellipse's size and tilt are guesses (book: ellipses)
     min_marker_score: float = 0.15
     refine_jointly: bool = True  # ring and markers together, after the two circles' poses
     yaw_step_rad: float = field(default=float(np.deg2rad(1.0)))

@@ -65,7 +65,7 @@ def fit_ransac(
     with all their inliers.  None, and no inliers, where no ellipse passes the gates on axis ratio,
     size and arc coverage.
     """
-    points = np.asarray(points_px, float).reshape(-1, 2)
+    points = _finite(points_px)
     nothing = None, np.zeros(len(points), bool)
     if len(points) < 5 or np.ptp(points, 0).max() == 0:
         return nothing
@@ -101,7 +101,7 @@ def paper_ransac(
 
     The paper doesn't say how it measures a point's distance; here it is the Sampson distance.
     """
-    points = np.asarray(points_px, float).reshape(-1, 2)
+    points = _finite(points_px)
     best, inliers = None, np.zeros(len(points), bool)
     if len(points) < 5:
         return best, inliers
@@ -132,6 +132,15 @@ def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:
     local = (np.asarray(points_px, float).reshape(-1, 2) - ellipse.centre_px) @ np.array([[c, -s], [s, c]])
     anomaly = np.arctan2(local[:, 1] / ellipse.semi_axes_px[1], local[:, 0] / ellipse.semi_axes_px[0])
     return len(np.unique(((anomaly / (2 * np.pi)) % 1 * sectors).astype(int) % sectors)) / sectors
+
+
+def _finite(points_px):
+    points = np.asarray(points_px, float).reshape(-1, 2)
+    if not np.all(np.isfinite(points)):
+        raise ValueError(
+            f"points_px: expected (M, 2) finite values, got {np.sum(~np.isfinite(points))} that are not"
+        )
+    return points
 
 
 def _msac(theta, x, tolerance: float):

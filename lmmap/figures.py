@@ -80,9 +80,9 @@ def two_circles(radius_m: float, camera: Camera, tilts_deg, distances_m):
         return {"label": f"{z:g} m", "method": "restyle",
                 "args": [{"visible": [other == z for other in distances_m for _ in range(6)]}]}  # fmt: skip
 
-    place = {"x": 0.02, "len": 0.44, "pad": {"t": 10}}
+    place = {"x": 0.02, "len": 0.44, "pad": {"t": 45}}
     fig.update_layout(
-        height=470, margin={"l": 0, "r": 0, "t": 10, "b": 110}, legend={"x": 0.55, "y": 1.0},
+        height=500, margin={"l": 0, "r": 0, "t": 10, "b": 140}, legend={"x": 0.55, "y": 1.0},
         sliders=[
             {"currentvalue": {"prefix": "tilt "}, "active": tilts_deg.index(start[0]),
              "steps": [tilted(t) for t in tilts_deg], **place},

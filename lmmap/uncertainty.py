@@ -23,7 +23,8 @@ from .core import Camera, Pose
 from .geometry import bearings, circle_conic
 
 # Variance of a contour point as if points were independent, in units of their scatter about the ellipse:
-# neighbours err alike.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test.
+# neighbours err alike.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test,
+# with filters on the bench that trained them: another bench or other filters ask for a new measurement.
 INFLATION = {"rgb": 7.2, "event": 15.5}
 
 NODES, WEIGHTS = hermegauss(9)

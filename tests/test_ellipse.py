@@ -163,3 +163,37 @@ def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     assert distance.mean() < 0.6
     assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
     assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
+
+
+def degenerate(rng):
+    line = np.column_stack([np.arange(50.0), 2 * np.arange(50.0)])
+    s = np.linspace(-1.5, 1.5, 60)
+    hyperbola = np.concatenate(
+        [np.column_stack([20 * np.cosh(s), 20 * np.sinh(s)]) * side for side in (1, -1)]
+    )
+    yield from (np.zeros((0, 2)), rng.uniform(0, 100, (4, 2)), line, np.tile([[3.0, 4.0]], (40, 1)))
+    yield np.concatenate([np.tile(p, (20, 1)) for p in rng.uniform(0, 100, (4, 2))])  # four places
+    yield hyperbola + 150
+
+
+@pytest.mark.parametrize("points", list(degenerate(np.random.default_rng(0))))
+def test_degenerate_points_give_no_nan(points):
+    found, inliers = ellipse.fit_ransac(
+        points, np.random.default_rng(0), replace(PAPER, ransac_hypotheses=100)
+    )
+    assert found is None
+    assert not inliers.any()
+    try:
+        fitted = ellipse.fit(points)
+    except ValueError as error:
+        assert "points_px: expected" in str(error)
+    else:
+        assert np.all(np.isfinite(fitted.points(8)))
+
+
+@pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
+def test_points_that_are_not_finite_are_refused(ransac):
+    points = Ellipse([150, 120], [60, 35], 0.5).points(50)
+    points[7, 0] = np.nan
+    with pytest.raises(ValueError, match="points_px: expected"):
+        ransac(points, np.random.default_rng(0))
