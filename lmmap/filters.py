@@ -33,7 +33,7 @@ WEIGHTS = Path(__file__).resolve().parent.parent / "data" / "weights"
 
 
 class FilterNet(nn.Module):
-    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, zero-padded to whole strides within."""
+    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, edges repeated to whole strides within."""
 
     def __init__(self, channels: int, prior: float = 0.5):
         super().__init__()
@@ -49,7 +49,8 @@ class FilterNet(nn.Module):
 
     def forward(self, x):
         height, width = x.shape[-2:]
-        x = F.pad(x, (0, -width % STRIDE_PX, 0, -height % STRIDE_PX))
+        # zeros would be an edge beside a noisy background, where training's crops have none
+        x = F.pad(x, (0, -width % STRIDE_PX, 0, -height % STRIDE_PX), mode="replicate")
         pooled = []
         for convolution in self.down:
             x = F.relu(F.max_pool2d(convolution(x), 2))  # ReLU after pooling: equal, and four times less
