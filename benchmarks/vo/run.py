@@ -22,7 +22,7 @@ from lmmap.core import Port, Trajectory
 from lmmap.pipeline import Estimator, estimate
 from lmmap.recordings import open_recording
 from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
-from lmmap.trajectories import write_trajectory
+from lmmap.trajectories import read_trajectory, write_trajectory
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
@@ -140,7 +140,7 @@ def publish(rows: list[dict], folder: Path, facts: dict) -> None:
         if not old.name.startswith("EVO-"):
             old.unlink()
     for name in odometry.SEQUENCES:
-        truth = open_recording(folder / f"{name}.npz").truth
+        truth = read_trajectory(folder / f"{name}.truth.csv")
         every = max(1, round(len(truth) / (truth.t_us[-1] - truth.t_us[0]) * 1e6 / TRUTH_HZ))
         at = sorted({*range(0, len(truth), every), len(truth) - 1})
         write_trajectory(
