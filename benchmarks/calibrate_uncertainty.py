@@ -23,7 +23,7 @@ from lmmap.pipeline import Estimator, images
 from lmmap.recordings import open_recording, write_npz
 from lmmap.results import DERIVED
 
-SEQUENCES = [f"realistic-{i}" for i in range(101, 107)] + ["augmented-101"]
+SEQUENCES = [f"realistic-{i}" for i in range(1001, 1007)] + ["augmented-1001"]
 SECONDS, RATE_HZ = 4.0, 6.0
 MARKER_SIGMAS_PX = (0.5, 0.7, 1.0, 1.4, 1.7, 2.0, 2.8, 4.0)
 
