@@ -43,7 +43,8 @@ def missed_share(mask, truth, within_px: float = 2.0) -> float:
 def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("rgb", "event"),
                    most: int = 30, port: Port | None = None, settings: Settings = PAPER,
                    precision: str = "auto") -> pd.DataFrame:  # fmt: skip
-    """Every filter of one set on a recording whose truth is known, full frames, ring in view only.
+    """Every filter of one set on a recording whose truth is known, on images with the ring in view; the
+    reflectors' where the pipeline asks it, in a box around the (here: true) ring.
 
     Parameters
     ----------
@@ -67,9 +68,22 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
             truth = sequences.label_masks(pose, port, recording.camera, rays)
             for name, net, true in zip(FILTERS, filters, truth, strict=True):
                 mask = net(image) > settings.mask_threshold
+                if name == "reflector":  # the pipeline asks it around the ring only
+                    mask &= _around(truth[0])
                 fit = iou(mask, true), skeleton_distance_px(mask, true), missed_share(mask, true)
                 rows.append((t_us, name, modality, domain_gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _around(ring) -> np.ndarray:
+    """Boolean image of the ring's box and the pipeline's margin around it."""
+    rows, columns = np.nonzero(ring)
+    box, inside = [], np.zeros(ring.shape, bool)
+    for at in (rows, columns):
+        margin = int(pipeline.REFLECTOR_MARGIN * np.ptp(at)) if len(at) else 0
+        box.append(slice(max(at.min() - margin, 0), at.max() + margin + 1) if len(at) else slice(None))
+    inside[tuple(box)] = True
+    return inside
 
 
 def _seen(recording, modality, port, settings, most) -> list:
