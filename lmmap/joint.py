@@ -18,7 +18,7 @@ from .geometry import circle_conic, project
 
 # Standard deviation of an edge point as if points were independent: neighbours err alike, so it is several
 # times their scatter.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test.
-MARKER_SIGMA_PX = {"rgb": 0.7, "event": 1.7}
+MARKER_SIGMA_PX = {"rgb": 2.8, "event": 2.8}
 
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
 

@@ -76,6 +76,9 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, sk
         radiance = shading.lens(np.mean(parts, 0), LENS_BLUR_PX)
         return t_us, None, shading.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
 
+    first = motion(seq, np.zeros(1))[0]
+    for what, ray in zip((mono, colour), rays, strict=True):  # compiled before there are threads
+        shading.render(solid, *what[:2], first, ray[:, :1, :1].copy(), what[2][:1, :1].copy())
     for t_us, intensity, frame in _ahead(image, _jobs(seq, camera, port, seconds)[skip:]):
         yield t_us, device(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
 
