@@ -78,7 +78,7 @@ serve: book  ## show the book on http://localhost:8000
 lab: env  ## open the chapters as notebooks in JupyterLab
 	@$(BIN)/jupyter lab book
 
-train: env  ## train all filters anew (an interrupted run goes on)
+train: env  ## train all twelve filters (an interrupted run goes on)
 	@$(BIN)/python -m lmmap train
 
 bench: $(ORACLES)  ## run the benchmarks against their peers
