@@ -50,7 +50,7 @@ def overlap(a, b):
 
 
 def main():
-    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
     print(f"{torch.get_num_threads()} threads, load {os.getloadavg()[0]:.1f}; best here: {best_precision()}")
     for modality in ("rgb", "event"):
         ours = {p: Estimator(recording.camera, modality=modality, precision=p) for p in PRECISIONS}

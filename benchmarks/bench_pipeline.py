@@ -108,7 +108,7 @@ def has_bfloat16() -> bool:
 
 
 def main() -> None:
-    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
     goal = GOAL_HZ[has_bfloat16()]
     threads, bits = torch.get_num_threads(), "with" if has_bfloat16() else "without"
     print(f"{threads} threads, processor {bits} bfloat16; the paper: {PAPER_HZ:g} Hz with a GPU")

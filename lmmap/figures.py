@@ -170,8 +170,9 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
         title = "RGB frame" if modality == "rgb" else f"{image.sum():,} events"
         show_image(row[0], image, title)
         show_image(row[1], estimator.ring_filter(image), "ring filter, ellipse")
-        draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
-        show_image(row[2], estimator.find_reflectors(image, answer.ellipse), "reflector filter")
+        if answer.ellipse is not None:
+            draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
+            show_image(row[2], estimator.find_reflectors(image, answer.ellipse), "reflector filter")
         draw_estimate(row[3], image, answer, estimator.port, recording.camera)
         row[3].set_title("pose")
     return fig, answers

@@ -19,7 +19,7 @@ from lmmap.filters import load_filter, weight_path
 from lmmap.recordings import WRITERS, open_recording
 from lmmap.results import DATA, ROOT
 
-MINI = DATA / "mini" / "test-medium.aedat4"
+MINI = DATA / "mini" / "test-low.aedat4"
 BEFORE = "what was there before\n"
 
 

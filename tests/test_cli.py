@@ -18,7 +18,7 @@ from lmmap.pipeline import fitting
 from lmmap.results import DATA, ROOT
 from lmmap.trajectories import read_estimates
 
-MINI = DATA / "mini" / "test-medium.aedat4"
+MINI = DATA / "mini" / "test-low.aedat4"
 REAL = ROOT.parent / "shared" / "recordings" / "newtons-cradle-davis346.aedat4"
 
 

@@ -13,7 +13,7 @@ from lmmap.results import DATA
 
 @pytest.fixture(scope="module")
 def recording():
-    return open_recording(DATA / "mini" / "test-medium.aedat4")
+    return open_recording(DATA / "mini" / "test-low.aedat4")
 
 
 @pytest.fixture(scope="module")

@@ -87,7 +87,7 @@ def test_last_layer_equals_the_transposed_convolution(size):
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 def test_bfloat16_finds_the_same_mask(modality):
-    recording = open_recording(DATA / "mini" / "test-medium.aedat4")
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
     _, image = list(images(recording, modality))[10]
     path = weight_path("ring", modality)
     plain, fast = (load_filter(path, modality, p)(image) for p in ("float32", "bfloat16"))

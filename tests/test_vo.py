@@ -16,7 +16,7 @@ from lmmap.recordings import open_recording, write_npz
 from lmmap.results import DATA
 from lmmap.trajectories import read_trajectory, write_trajectory
 
-MINI = DATA / "mini" / "test-medium.aedat4"
+MINI = DATA / "mini" / "test-low.aedat4"
 
 
 @pytest.fixture(scope="module")
