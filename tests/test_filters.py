@@ -104,7 +104,7 @@ def test_precision_is_one_that_the_processor_has_or_that_was_asked_for():
 
 @pytest.mark.parametrize("size", [(1, 1), (61, 480), (480, 640)])
 def test_any_size_works_and_a_padded_image_gives_the_same_mask(size, rng):
-    """Sizes never trained on: repeating the edges at the right and below, as the net does, changes nothing."""
+    """Sizes never trained on: repeating the edges right and below, as the net does, changes nothing."""
     filter_, image = Filter(net(), "event", "float32"), rng.integers(0, 6, size)
     mask = filter_(image)
     whole = np.pad(image, [(0, -n % 8) for n in size], mode="edge")
