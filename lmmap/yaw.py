@@ -7,11 +7,12 @@ their outline, tells the two circles' poses apart.  The markers are projected in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from .core import PAPER, Camera, Port, Pose, Settings
+from .core import PAPER, Camera, Port, Pose, Settings, frozen_array
 from .geometry import project, rotation_z
 
 # by `python benchmarks/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
@@ -50,7 +51,7 @@ def paper_yaw(
     mask = _check(reflector_mask, T_cam_port, camera)
     yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
     hypotheses = _turned(T_cam_port[:, None], yaws)  # (2, N)
-    corners = _project_markers(hypotheses, port.marker_corners_m(), camera)  # (2, N, S, 4, 2)
+    corners = _project_markers(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
     total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
     if np.all(np.isfinite(corners)):
         low = np.floor(corners.min((0, 1, 2, 3))).astype(int).clip(0, camera.size_px)
@@ -79,20 +80,18 @@ def fast_yaw(
     unlit.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
-    radii, angles, template = _polar_template(port, settings)
-    polar = np.stack([np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))], -1)
-    points = np.concatenate([polar, np.full_like(polar[..., :1], port.plate_height_m)], -1)
-    folded = _sample(mask, _project_markers(T_cam_port, points, camera))
-    folded = folded.reshape(2, len(radii), port.symmetry, -1).mean(2)
+    points_m, template, step_rad = _polar_template(port, settings)
+    folded = _sample(mask, _project_markers(T_cam_port, points_m, camera))
+    folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
     spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
     correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
-    yaw_rad, sigma_rad = _peak(correlation, folded, template, angles[1] - angles[0])
+    yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
     sigma_rad = np.minimum(YAW_INFLATION * sigma_rad, port.yaw_period_rad / np.sqrt(12))  # at most: unknown
     poses = _turned(T_cam_port, yaw_rad)
 
     mean = marker_score(mask, poses, port, camera)
-    area = _area_px(_project_markers(poses, port.marker_corners_m(), camera))
+    area = _area_px(_project_markers(poses, _corners_m(port), camera))
     return _fit(poses, mean * np.sqrt(area), mean, sigma_rad)
 
 
@@ -111,8 +110,8 @@ def _project_markers(T_cam_port: Pose, points_m, camera: Camera):
     """(*B,) poses and (*P, 3) points -> (*B, *P, 2) px."""
     R, p = T_cam_port.rotation, T_cam_port.position_m
     points = np.asarray(points_m)
-    flat = points.reshape(-1, 3) @ np.swapaxes(R, -1, -2) + p[..., None, :]
-    return project(flat, camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
+    flat = R @ points.reshape(-1, 3).T + p[..., None]  # components apart, as `project` wants them
+    return project(np.moveaxis(flat, -2, -1), camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
 
 
 def _sample(mask, points_px):
@@ -122,11 +121,13 @@ def _sample(mask, points_px):
     return cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
 
 
-def _polar_template(port: Port, settings: Settings, samples_per_step: int = 1, radial: int = 16):
-    """Radii (R,), angles (A,) over the full turn, and the marker at yaw 0 folded over one period,
-    (R, A / symmetry), weighted by the polar area element."""
-    per_period = samples_per_step * round(port.yaw_period_rad / settings.yaw_step_rad)
-    angles = np.arange(per_period * port.symmetry) * (port.yaw_period_rad / per_period)
+@lru_cache
+def _polar_template(port: Port, settings: Settings, radial: int = 16):
+    """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
+    folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
+    per_period = round(port.yaw_period_rad / settings.yaw_step_rad)
+    step_rad = port.yaw_period_rad / per_period
+    angles = np.arange(per_period * port.symmetry) * step_rad
     tangential, depth = np.array(port.marker_size_m) / 2
     near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
     outer = np.hypot(far, tangential) * 1.1
@@ -134,12 +135,17 @@ def _polar_template(port: Port, settings: Settings, samples_per_step: int = 1, r
     x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
     marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
     template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
-    return radii, angles, template
+    points_m = np.stack([x, y, np.full_like(x, port.plate_height_m)], -1)
+    return frozen_array(points_m), frozen_array(template), step_rad
 
 
+_corners_m = lru_cache(Port.marker_corners_m)
+
+
+@lru_cache
 def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
     """Points spread evenly over the markers, shape (symmetry, tangential * radial, 3)."""
-    corners = port.marker_corners_m()
+    corners = _corners_m(port)
     s, t = ((np.arange(n) + 0.5) / n for n in (radial, tangential))
     along, across = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
     grid = (
@@ -147,7 +153,7 @@ def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
         + s[:, None, None] * along[:, None, None]
         + t[None, :, None] * across[:, None, None]
     )
-    return grid.reshape(len(corners), -1, 3)
+    return frozen_array(grid.reshape(len(corners), -1, 3))
 
 
 def _area_px(corners_px):
