@@ -90,8 +90,8 @@ def fast_yaw(
     sigma_rad = np.minimum(YAW_INFLATION * sigma_rad, port.yaw_period_rad / np.sqrt(12))  # at most: unknown
     poses = _turned(T_cam_port, yaw_rad)
 
-    mean = marker_score(mask, poses, port, camera)
-    area = _area_px(_project_markers(poses, _corners_m(port), camera))
+    outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
+    mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
     return _fit(poses, mean * np.sqrt(area), mean, sigma_rad)
 
 
@@ -144,7 +144,7 @@ _corners_m = lru_cache(Port.marker_corners_m)
 
 @lru_cache
 def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
-    """Points spread evenly over the markers, shape (symmetry, tangential * radial, 3)."""
+    """Points spread evenly over the markers, shape (symmetry, radial * tangential, 3)."""
     corners = _corners_m(port)
     s, t = ((np.arange(n) + 0.5) / n for n in (radial, tangential))
     along, across = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
