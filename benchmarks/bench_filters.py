@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from lmmap.core import PAPER
 from lmmap.filters import FILTERS, PRECISIONS, best_precision, encode
-from lmmap.pipeline import Estimator, images
+from lmmap.pipeline import Estimator, images, markers_box_px
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -26,7 +26,7 @@ def plain(net, image, modality):
     """The network as one writes it first: ReLU before pooling, channels first, the whole frame."""
     x = encode(image[None], modality)
     height, width = x.shape[-2:]
-    x = F.pad(x, (0, -width % 8, 0, -height % 8))
+    x = F.pad(x, (0, -width % 8, 0, -height % 8), mode="replicate")
     pooled = []
     for convolution in net.down:
         x = F.max_pool2d(F.relu(convolution(x)), 2)
@@ -57,7 +57,7 @@ def main():
         exact = ours["float32"]
         nets = [contiguous(f._net) for f in (exact.ring_filter, exact.reflector_filter)]
         _, image = list(images(recording, modality))[-5]
-        ellipse = exact.find_ring(exact.ring_filter(image))[0].ellipse
+        candidates = exact.candidates(exact.find_ring(exact.ring_filter(image))[0].ellipse)
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):
             start = time.perf_counter()
@@ -66,10 +66,13 @@ def main():
             masks = {}
             for precision, estimator in ours.items():
                 start = time.perf_counter()
-                masks[precision] = [estimator.ring_filter(image), estimator.find_reflectors(image, ellipse)]
+                masks[precision] = [
+                    estimator.ring_filter(image),
+                    estimator.find_reflectors(image, candidates),
+                ]
                 seconds[precision].append(time.perf_counter() - start)
-        contour = ellipse.points().clip(0, recording.camera.size_px).astype(int)
-        (left, top), (right, bottom) = contour.min(0), contour.max(0)
+        box = markers_box_px(candidates, exact.port, recording.camera)
+        (left, top), (right, bottom) = (np.maximum(edge, 0).astype(int) for edge in box)
         inside = np.s_[top:bottom, left:right]
         ms = {name: 1e3 * np.median(s) for name, s in seconds.items()}
         for precision, (ring, reflectors) in masks.items():

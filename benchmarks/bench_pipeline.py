@@ -4,6 +4,7 @@
 
 The plain path is the paper's: eager float32 networks on full frames, its RANSAC loop, printed formula and
 grid of yaws.  Both run on every image in turn; medians over images.  Histograms are made from events by both.
+A recording is estimated two images at a time: that rate is the pipeline's.
 """
 
 from __future__ import annotations
@@ -21,14 +22,15 @@ from safetensors.torch import load_file
 from torch.nn import functional as F
 
 from lmmap import circle, ellipse, yaw
-from lmmap.core import PAPER, Ellipse
+from lmmap.contour import Contour
+from lmmap.core import PAPER
 from lmmap.events import histogram
 from lmmap.filters import CHANNELS, FILTERS, FilterNet, encode, weight_path
-from lmmap.pipeline import Estimator, images
+from lmmap.pipeline import Estimator, answered, images
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
-IMAGES = 24
+IMAGES, LAPS = 24, 4
 GOAL_HZ = {True: 25.0, False: 15.0}  # with bfloat16 in the processor, and without
 PAPER_HZ, LEAST_RATIO = 10.0, 4.0
 
@@ -65,7 +67,7 @@ def plain_mask(net: FilterNet, image: np.ndarray, modality: str) -> np.ndarray:
     """The network as one writes it first: ReLU before pooling, channels first, the whole frame."""
     x = encode(image[None], modality)
     height, width = x.shape[-2:]
-    x = F.pad(x, (0, -width % 8, 0, -height % 8))
+    x = F.pad(x, (0, -width % 8, 0, -height % 8), mode="replicate")
     pooled = []
     for convolution in net.down:
         x = F.max_pool2d(F.relu(convolution(x)), 2)
@@ -94,12 +96,12 @@ def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
     """The stages that `Estimator` goes through, one by one."""
     camera, port = estimator.camera, estimator.port
     ring = watch("ring filter", estimator.ring_filter, image)
-    watch("skeleton", ellipse.skeleton_points, ring)
     found, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
-    if isinstance(found, Ellipse):
-        reflectors = watch("reflector filter", estimator.find_reflectors, image, found)
-        poses = watch("circle", circle.poses, found, camera, port.ring_radius_m)
-        watch("yaw", yaw.fast_yaw, reflectors, poses, port, camera)
+    if isinstance(found, Contour):
+        candidates = watch("circle", estimator.candidates, found.ellipse)
+        reflectors = watch("reflector filter", estimator.find_reflectors, image, candidates)
+        best = watch("yaw", yaw.fast_yaw, reflectors, candidates[:2], port, camera)
+        watch("joint refinement", estimator.refine, best, found, reflectors)
 
 
 def has_bfloat16() -> bool:
@@ -136,11 +138,16 @@ def main() -> None:
             cells = (f"{s[stage]:8.2f}" if stage in s else f"{'-':>8}" for s in (mine, theirs))
             print(f"  {stage:24}" + "".join(cells))
         print(f"  {'image to pose':24}{a:8.2f}{b:8.2f}")
-        good = 1e3 / a >= goal and b / a >= LEAST_RATIO
+        start = time.perf_counter()
+        for _ in answered(enumerate(LAPS * shots), estimator):
+            pass
+        each = 1e3 * (time.perf_counter() - start) / (LAPS * len(shots)) + bin_ms
+        good = 1e3 / each >= goal and b / each >= LEAST_RATIO
         used = [1e3 * float(np.median(w.processor_s["whole"])) for w in (whole, peer_whole)]
         print(f"  {'of all processors':24}{used[0]:8.2f}{used[1]:8.2f}")
-        print(f"  {1e3 / a:.1f} Hz (plain {1e3 / b:.1f}), {b / a:.1f}x; "
-              f"goal {goal:g} Hz and {LEAST_RATIO:g}x: {'reached' if good else 'NOT reached'}")  # fmt: skip
+        print(f"  plain {1e3 / b:.1f} Hz; ours one by one {1e3 / a:.1f} Hz ({b / a:.1f}x), two at a time "
+              f"{1e3 / each:.1f} Hz ({b / each:.1f}x); goal {goal:g} Hz and {LEAST_RATIO:g}x: "
+              f"{'reached' if good else 'NOT reached'}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from lmmap import circle, joint, sequences, uncertainty, yaw
+from lmmap import joint, sequences, uncertainty, yaw
 from lmmap.contour import Contour
 from lmmap.core import Pose
 from lmmap.geometry import in_view, rotation_z
@@ -44,9 +44,9 @@ def measured(estimator: Estimator, name: str):
         ring, _ = estimator.find_ring(estimator.ring_filter(image))
         if not (isinstance(ring, Contour) and in_view(truth, estimator.port, seen.camera)):
             continue
-        pair = circle.poses(ring.ellipse, seen.camera, estimator.port.ring_radius_m)
-        reflectors = estimator.find_reflectors(image, ring.ellipse)
-        fit = yaw.fast_yaw(reflectors, pair, estimator.port, seen.camera)
+        candidates = estimator.candidates(ring.ellipse)
+        reflectors = estimator.find_reflectors(image, candidates)
+        fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, seen.camera)
         if fit.score >= estimator.settings.min_marker_score:
             yield ring, reflectors, fit, truth
 

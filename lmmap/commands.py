@@ -89,15 +89,14 @@ def estimate(a) -> None:
         kept, poses = len(journal.statuses), 0
         try:
             with _Bar(stream, a.modality) as bar:
-                for t_us, image in pipeline.images(stream, a.modality, settings, a.rate):
-                    if journal.has(t_us):
-                        continue
-                    one = estimator(image, t_us)
+                shots = pipeline.images(stream, a.modality, settings, a.rate)
+                left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+                for image, one in pipeline.answered(left, estimator):
                     journal.add(one)
                     if a.video:
                         video.add(image, one, estimator.ring_filter(image))
                     poses += one.T_cam_port is not None
-                    bar.shown(t_us, len(journal.statuses) - kept, poses)
+                    bar.shown(one.t_us, len(journal.statuses) - kept, poses)
         except KeyboardInterrupt:
             stopped = True
         if not journal.statuses and not stopped:

@@ -80,7 +80,7 @@ def five_point_conics(x, samples) -> np.ndarray:
 def sampson_distance(theta, x) -> np.ndarray:
     """First-order distance q / |grad q| of points to conics, (..., 6), (M, 2) -> (..., M)."""
     q, qu, qv = _value_and_gradient(theta, x)
-    return q / np.maximum(np.hypot(qu, qv), 1e-12)
+    return q / _length(qu, qv)
 
 
 def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
@@ -95,7 +95,7 @@ def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
     for _ in range(steps):
         theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
         q, qu, qv = _value_and_gradient(theta, x)
-        g = np.maximum(np.hypot(qu, qv), 1e-12)
+        g = _length(qu, qv)
         gradient_of_g = (qu[..., None] * m_u + qv[..., None] * m_v) / g[..., None]
         J = (m - (q / g)[..., None] * gradient_of_g) / g[..., None]
         Jt = np.swapaxes(J * weight[..., None], -1, -2)
@@ -103,6 +103,11 @@ def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
         normal = normal + 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None] * np.eye(6)
         theta = theta - np.linalg.solve(normal, Jt @ (q / g)[..., None])[..., 0]
     return theta
+
+
+def _length(u, v):
+    """Of (u, v), kept from zero; `np.hypot` guards against overflow and takes several times longer."""
+    return np.sqrt(np.maximum(u * u + v * v, 1e-24))
 
 
 def _value_and_gradient(theta, x):

@@ -49,7 +49,7 @@ def trace(
     """
     mask = np.asarray(mask, np.float32)
     offsets = np.arange(-half_width_px, half_width_px + 0.25, 0.5)
-    for _ in range(2):
+    for rounds in (2, 4):
         points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
         radius = np.linalg.norm(points - ellipse.centre_px, axis=1, keepdims=True)
         rays = (points - ellipse.centre_px) / radius
@@ -67,7 +67,7 @@ def trace(
         if good.mean() < 0.4:
             return None
         centroid = (weight[good] @ offsets / mass[good])[:, None]
-        ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse)
+        ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, rounds)
     return Contour(ellipse, (points[good] + centroid * rays[good])[inlier], sigma_px)
 
 
@@ -83,11 +83,11 @@ def _normalised(points, ellipse: Ellipse):
     return x, coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
 
 
-def _fit_robust(points, start: Ellipse) -> tuple[Ellipse, np.ndarray, float]:
+def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarray, float]:
     """Sampson fit with Tukey's weights at 4.7 robust standard deviations, from a nearby ellipse; which
     points have a weight, and their standard deviation about the fit."""
     x, theta, centre, scale = _normalised(points, start)
-    for _ in range(4):
+    for _ in range(rounds):
         r = np.abs(sampson_distance(theta, x))
         cut = 4.7 * max(1.48 * np.median(r), 1e-9)
         theta = sampson_fit(theta, x, np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)

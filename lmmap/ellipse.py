@@ -28,8 +28,13 @@ def skeleton_points(mask, threshold: float = PAPER.mask_threshold) -> np.ndarray
     Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
     `contour.trace` doesn't have that bias.
     """
-    v, u = np.nonzero(skeletonize(np.asarray(mask) > threshold, method="zhang"))
-    return np.column_stack([u, v]).astype(float)
+    active = np.asarray(mask) > threshold
+    rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
+    if not rows.size:
+        return np.empty((0, 2))
+    top, left = rows[0], columns[0]
+    v, u = np.nonzero(skeletonize(active[top : rows[-1] + 1, left : columns[-1] + 1], method="zhang"))
+    return np.column_stack([u + left, v + top]).astype(float)
 
 
 def fit(points_px) -> Ellipse:
@@ -76,7 +81,7 @@ def fit_ransac(
     theta = theta[np.argsort(_msac(theta, x, tolerance))[:REFITTED]]
     for widening in (2.0, 1.5, 1.0):
         inlier = np.abs(sampson_distance(theta, x)) < widening * tolerance
-        theta = sampson_fit(theta, x, inlier, steps=2)
+        theta = sampson_fit(theta, x, inlier, steps=1)
     for candidate in theta[np.argsort(_msac(theta, x, tolerance))]:
         candidate = _polish(candidate, x, tolerance)
         ellipse, real = ellipse_from_conic(matrix(candidate))

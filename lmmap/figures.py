@@ -172,7 +172,8 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
         show_image(row[1], estimator.ring_filter(image), "ring filter, ellipse")
         if answer.ellipse is not None:
             draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
-            show_image(row[2], estimator.find_reflectors(image, answer.ellipse), "reflector filter")
+            markers = estimator.find_reflectors(image, estimator.candidates(answer.ellipse))
+            show_image(row[2], markers, "reflector filter")
         draw_estimate(row[3], image, answer, estimator.port, recording.camera)
         row[3].set_title("pose")
     return fig, answers

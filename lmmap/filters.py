@@ -8,8 +8,10 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ CHANNELS = {"rgb": 3, "event": 1}
 FILTERS = ("ring", "reflector")
 DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
 WEIGHTS = Path(__file__).resolve().parent.parent / "data" / "weights"
 
 
@@ -56,20 +59,26 @@ class FilterNet(nn.Module):
             x = F.relu(F.max_pool2d(convolution(x), 2))  # ReLU after pooling: equal, and four times less
             pooled.append(x)
         x = torch.cat([F.relu(self.up[0](x)), pooled[1]], 1)
-        x = torch.cat([F.relu(self.up[1](x)), pooled[0]], 1)
+        x = F.relu(self.up[1](x)), pooled[0]
         return up_to_one_channel(x, self.up[2].weight, self.up[2].bias)[..., :height, :width]
 
 
-def up_to_one_channel(x, weight, bias):
-    """The last transposed convolution, as a 2x2 convolution to the four pixels of each stride and a
-    shuffle: equal, and several times faster than the general one, which is made for many channels.
+def up_to_one_channel(parts, weight, bias):
+    """The last transposed convolution, of the channels (N, C, H, W) of all parts together: its nine taps of
+    each pixel in one product, then sums by parity.  Equal to the general one, which is made for many channels
+    out and several times slower here.
 
     Along one axis ``y[2i] = w[1] x[i]`` and ``y[2i + 1] = w[2] x[i] + w[0] x[i + 1]``.
     """
-    taps = weight.new_zeros(2, 2, 3)  # parity of the output, offset of the input, tap
-    taps[0, 0, 1] = taps[1, 0, 2] = taps[1, 1, 0] = 1
-    kernel = torch.einsum("rak,sbl,ckl->rscab", taps, taps, weight[:, 0]).flatten(0, 1)
-    return F.pixel_shuffle(F.conv2d(F.pad(x, (0, 1, 0, 1)), kernel, bias.expand(4)), 2)
+    kernels = weight[:, 0].flatten(1).T.split([x.shape[1] for x in parts], 1)
+    taps = sum(F.conv2d(x, k[..., None, None]) for x, k in zip(parts, kernels, strict=True))
+    exact = torch.promote_types(taps.dtype, torch.float32)
+    taps = taps.to(exact).unflatten(1, (3, 3))
+    for axis in (-2, -1):
+        before, at, after = taps.unbind(1)
+        following = F.pad(before.narrow(axis, 1, before.shape[axis] - 1), (0, axis == -1, 0, axis == -2))
+        taps = torch.stack([at, after + following], axis).flatten(axis - 1, axis)
+    return taps[:, None] + bias.to(exact)
 
 
 def best_precision() -> str:
@@ -90,6 +99,15 @@ def encode(images: np.ndarray, modality: str) -> torch.Tensor:
     return (x.clamp(max=8) / 8).unsqueeze(1)
 
 
+def keep_freed_memory() -> None:
+    """Have glibc keep the networks' large buffers: given back at each free and faulted in anew page by page,
+    they cost a fifth of the time.  Other allocators are left as they are."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt:
+        for option, size in ((M_MMAP_THRESHOLD, 64 << 20), (M_TRIM_THRESHOLD, 256 << 20)):
+            mallopt(option, size)
+
+
 class Filter:
     """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
 
@@ -100,6 +118,7 @@ class Filter:
         self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
         if self.precision not in PRECISIONS:
             raise ValueError(f"Filter: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}")
+        keep_freed_memory()
         self._dtype = PRECISIONS[self.precision]
         self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
 

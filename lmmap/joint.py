@@ -7,19 +7,21 @@ so a turn shifts them against the ring: their edges add what the ring lacks.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .conics import coefficients, sampson_distance
-from .core import Camera, Port, Pose
+from .core import Camera, Port, Pose, frozen_array
 from .geometry import circle_conic, project
 
 # Standard deviation of an edge point as if points were independent: neighbours err alike, so it is several
 # times their scatter.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test.
 MARKER_SIGMA_PX = {"rgb": 2.8, "event": 2.8}
 
+SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
 
 
@@ -78,7 +80,10 @@ def refine(
         step = np.linalg.solve(
             normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
         )
-        T = _moved(T, -(step / scale)[None, :6])[0]
+        step = step / scale
+        T = _moved(T, -step[None, :6])[0]
+        if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < SETTLED**2:
+            break
     inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
         scale, scale
     )
@@ -92,6 +97,7 @@ def _moved(T: Pose, steps) -> Pose:
     return Pose(turn @ T.rotation, T.position_m + steps[:, :3])
 
 
+@lru_cache
 def _side_points_m(port: Port, count: int = 10):
     """Points on the markers' sides without their corners, and beside each a point outward, (P, 3)."""
     corners = port.marker_corners_m()
@@ -100,7 +106,7 @@ def _side_points_m(port: Port, count: int = 10):
     points = corners[:, :, None] + s[:, None] * (following - corners)[:, :, None]
     outward = (corners + following) / 2 - corners.mean(1, keepdims=True)
     beside = points + 0.05 * outward[:, :, None]
-    return points.reshape(-1, 3), beside.reshape(-1, 3)
+    return frozen_array(points.reshape(-1, 3)), frozen_array(beside.reshape(-1, 3))
 
 
 def _measure_edges(mask, T: Pose, sides_m, camera: Camera, half_px: float = 3.0, least: int = 20):

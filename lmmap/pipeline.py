@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from . import circle, contour, ellipse, joint, uncertainty, yaw
 from .contour import Contour
-from .core import PAPER, Camera, Ellipse, Estimate, Port, Pose, Recording, Settings, Status
+from .core import PAPER, Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Settings, Status
 from .events import histogram, scaled_count, windows_at, windows_of
 from .filters import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
-from .geometry import undistort_points
+from .geometry import circle_points_m, project, undistort_points
 from .streams import Stream
 
 MIN_SIGMA_PX = 0.02  # no contour is known better, whatever its scatter
-REFLECTOR_MARGIN = 0.35  # of the ring's box: how far parallax moves the raised markers out of it
+AT_ONCE = 2  # images
+EDGE_PX = 4  # beside the markers, for what measures their edges
 
 
 def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
@@ -70,15 +74,13 @@ class Estimator:
         ring, coverage = self.find_ring(self.ring_filter(image))
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
-        fitted, radius_m = ring.ellipse, self.port.ring_radius_m
-        candidates = circle.poses(fitted, self.camera, radius_m)
-        reflectors = self.find_reflectors(image, fitted)
-        best = yaw.fast_yaw(reflectors, candidates, self.port, self.camera, self.settings)
+        fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
+        reflectors = self.find_reflectors(image, candidates)
+        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.camera, self.settings)
         if best.score < self.settings.min_marker_score:
             return Estimate(t_us, Status.NO_MARKERS, ellipse=fitted, arc_coverage=coverage,
                             marker_score=best.score)  # fmt: skip
-        printed = circle.paper_poses(fitted, self.camera, radius_m)
-        paper = yaw.fast_yaw(reflectors, printed, self.port, self.camera, self.settings)
+        paper = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
         return Estimate(t_us, Status.OK, T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
                         best.score, best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
@@ -113,15 +115,29 @@ class Estimator:
         found = found or contour.on_points(fitted, points[inliers])
         return found, ellipse.arc_coverage(found.ellipse, points)
 
-    def find_reflectors(self, image: np.ndarray, ring: Ellipse) -> np.ndarray:
-        """Reflector mask (H, W), computed around the ring only and zero elsewhere."""
-        contour = ring.points()
-        low, high = contour.min(0), contour.max(0)
-        margin = REFLECTOR_MARGIN * (high - low)
-        rows, columns = crop_bounds(low - margin, high + margin, self.camera.size_px)
+    def candidates(self, ring: Ellipse) -> Pose:
+        """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
+        both = [f(ring, self.camera, self.port.ring_radius_m) for f in (circle.poses, circle.paper_poses)]
+        return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
+
+    def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
+        """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
+        low, high = markers_box_px(candidates, self.port, self.camera)
+        rows, columns = crop_bounds(low, high, self.camera.size_px)
         mask = np.zeros(image.shape[:2], np.float32)
         mask[rows, columns] = self.reflector_filter(image[rows, columns])
         return mask
+
+
+def markers_box_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest (u, v) that the markers and the search for them reach at poses (N,), whatever
+    the yaw."""
+    disc = circle_points_m(yaw.reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
+    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
+    seen = seen[np.isfinite(seen).all(-1)]
+    if not len(seen):
+        return np.zeros(2), np.array(camera.size_px) - 1
+    return seen.min(0) - EDGE_PX, seen.max(0) + EDGE_PX
 
 
 def images(recording: Recording | Stream, modality: str, settings: Settings | None = None,
@@ -146,12 +162,36 @@ def images(recording: Recording | Stream, modality: str, settings: Settings | No
         yield middle_us, histogram(some["x"], some["y"], recording.camera.size_px)
 
 
+def answered(shots: Iterable[tuple[int, np.ndarray]], estimator: Estimator) -> Iterator[tuple]:
+    """Yield ``(image, estimate)`` for ``(t_us, image)``, in their order, two images at a time.
+
+    On two cores that is faster than two threads on one image: the numpy half has only one.  An error among
+    the images comes after the estimates of those before it.
+    """
+    waiting, error, shots = deque(), None, iter(shots)
+    threads = max(torch.get_num_threads() // AT_ONCE, 1)
+    with ThreadPoolExecutor(AT_ONCE, initializer=torch.set_num_threads, initargs=(threads,)) as pool:
+        while waiting or not error:
+            try:
+                while not error and len(waiting) <= AT_ONCE:
+                    t_us, image = next(shots)
+                    waiting.append((image, pool.submit(estimator, image, t_us)))
+            except (StopIteration, InputError) as end:
+                error = end
+            if waiting:
+                image, one = waiting.popleft()
+                yield image, one.result()
+    if isinstance(error, InputError):
+        raise error
+
+
 def estimate(
     recording: Recording | Stream, estimator: Estimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
     """Estimates of a whole recording, in the order of time."""
-    for t_us, image in images(recording, estimator.modality, estimator.settings, rate_hz):
-        yield estimator(image, t_us)
+    shots = images(recording, estimator.modality, estimator.settings, rate_hz)
+    for _, one in answered(shots, estimator):
+        yield one
 
 
 def true_poses(recording: Recording | Stream, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:

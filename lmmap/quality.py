@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 from skimage.morphology import skeletonize
 
 from . import pipeline, sequences
-from .core import PAPER, Port, Recording, Settings
+from .core import PAPER, Camera, Port, Pose, Recording, Settings
 from .filters import FILTERS, load_filter, weight_path
 from .geometry import in_view
 from .shading import ray_grid
@@ -44,7 +44,7 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
                    most: int = 30, port: Port | None = None, settings: Settings = PAPER,
                    precision: str = "auto") -> pd.DataFrame:  # fmt: skip
     """Every filter of one set on a recording whose truth is known, on images with the ring in view; the
-    reflectors' where the pipeline asks it, in a box around the (here: true) ring.
+    reflectors' where the pipeline asks it, in the box that the (here: true) pose's markers can be in.
 
     Parameters
     ----------
@@ -68,22 +68,18 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
             truth = sequences.label_masks(pose, port, recording.camera, rays)
             for name, net, true in zip(FILTERS, filters, truth, strict=True):
                 mask = net(image) > settings.mask_threshold
-                if name == "reflector":  # the pipeline asks it around the ring only
-                    mask &= _around(truth[0])
+                if name == "reflector":  # the pipeline asks it only there
+                    mask &= _around(pose, port, recording.camera)
                 fit = iou(mask, true), skeleton_distance_px(mask, true), missed_share(mask, true)
                 rows.append((t_us, name, modality, domain_gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _around(ring) -> np.ndarray:
-    """Boolean image of the ring's box and the pipeline's margin around it."""
-    rows, columns = np.nonzero(ring)
-    box, inside = [], np.zeros(ring.shape, bool)
-    for at in (rows, columns):
-        margin = int(pipeline.REFLECTOR_MARGIN * np.ptp(at)) if len(at) else 0
-        box.append(slice(max(at.min() - margin, 0), at.max() + margin + 1) if len(at) else slice(None))
-    inside[tuple(box)] = True
-    return inside
+def _around(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
+    """Boolean image of the box in which the pipeline looks for the markers of a pose."""
+    low, high = pipeline.markers_box_px(T_cam_port[None], port, camera)
+    u, v = np.arange(camera.width_px), np.arange(camera.height_px)
+    return np.outer((v >= low[1]) & (v <= high[1]), (u >= low[0]) & (u <= high[0]))
 
 
 def _seen(recording, modality, port, settings, most) -> list:

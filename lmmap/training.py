@@ -27,6 +27,7 @@ from .filters import (
     FILTERS,
     FilterNet,
     encode,
+    keep_freed_memory,
     load_weights,
     save_weights,
     weight_path,
@@ -152,6 +153,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     )
     prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(recipe.seed)
+    keep_freed_memory()
     net = FilterNet(CHANNELS[recipe.modality], prior)
     if recipe.start_from:
         first = weight_path(recipe.filter, recipe.modality, recipe.start_from)

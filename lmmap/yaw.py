@@ -121,6 +121,12 @@ def _sample(mask, points_px):
     return cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
 
 
+def reach_m(port: Port) -> float:
+    """Radius about the port's axis within which `fast_yaw` looks for the markers."""
+    tangential, depth = np.array(port.marker_size_m) / 2
+    return float(1.1 * np.hypot(port.marker_radius_m + depth, tangential))
+
+
 @lru_cache
 def _polar_template(port: Port, settings: Settings, radial: int = 16):
     """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
@@ -130,8 +136,7 @@ def _polar_template(port: Port, settings: Settings, radial: int = 16):
     angles = np.arange(per_period * port.symmetry) * step_rad
     tangential, depth = np.array(port.marker_size_m) / 2
     near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
-    outer = np.hypot(far, tangential) * 1.1
-    radii = np.linspace(0.8 * near, outer, radial)
+    radii = np.linspace(0.8 * near, reach_m(port), radial)
     x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
     marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
     template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)

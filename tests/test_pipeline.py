@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
-from lmmap.core import PAPER, Camera, InputError, Status
+from lmmap.core import PAPER, Camera, InputError, Port, Pose, Status
 from lmmap.filters import Filter
-from lmmap.geometry import circle_ellipse, in_view
+from lmmap.geometry import circle_ellipse, in_view, project, rotation_z
 from lmmap.metrics import normal_error_rad, position_error_m
-from lmmap.pipeline import Estimator, estimate, images, true_poses
+from lmmap.pipeline import (
+    EDGE_PX,
+    Estimator,
+    answered,
+    estimate,
+    images,
+    markers_box_px,
+    true_poses,
+)
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -57,13 +65,38 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
 
 def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):
     estimator = Estimator(modality="rgb")
-    ellipse = circle_ellipse(recording.truth.T_cam_port[0], estimator.port.ring_radius_m, recording.camera)
-    crop = estimator.find_reflectors(recording.frames[0], ellipse)
+    pose = recording.truth.T_cam_port[:1]
+    ellipse = circle_ellipse(pose[0], estimator.port.ring_radius_m, recording.camera)
+    crop = estimator.find_reflectors(recording.frames[0], estimator.candidates(ellipse))
     full = estimator.reflector_filter(recording.frames[0])
-    low, high = ellipse.points().min(0).astype(int), ellipse.points().max(0).astype(int)
-    inside = np.s_[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    low, high = (np.round(x).astype(int) for x in markers_box_px(pose, estimator.port, recording.camera))
+    inside = np.s_[low[1] : high[1], low[0] : high[0]]
     assert isinstance(estimator.reflector_filter, Filter)
-    assert np.abs(crop[inside] - full[inside]).max() < 1e-5
+    assert crop[inside].max() > 0.5 and np.abs(crop[inside] - full[inside]).max() < 1e-5
+
+
+def test_the_markers_box_holds_them_at_any_yaw_and_no_more_than_it_must(recording):
+    port, camera, pose = Port.lm_map(), recording.camera, recording.truth.T_cam_port[0]
+    turned = pose.rotation @ rotation_z(np.deg2rad(np.arange(0, 120, 0.5)))
+    corners = project(
+        Pose(turned, np.tile(pose.position_m, (240, 1)))[:, None, None] @ port.marker_corners_m(), camera
+    )
+    low, high = markers_box_px(pose[None], port, camera)
+    margin = np.concatenate([corners.min((0, 1, 2)) - low, high - corners.max((0, 1, 2))])
+    assert margin.min() >= EDGE_PX and margin.max() < EDGE_PX + 0.2 * (high - low).max()
+
+
+def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it():
+    def shots():
+        yield from ((t, np.full((2, 2), t)) for t in range(7))
+        raise InputError("the file ends here")
+
+    seen = []
+    with pytest.raises(InputError, match="ends here"):
+        for image, answer in answered(shots(), lambda image, t_us: (t_us, int(image[0, 0]))):
+            seen.append((int(image[0, 0]), *answer))
+    assert seen == [(t, t, t) for t in range(7)]
+    assert list(answered([], None)) == []
 
 
 def test_dark_and_noise_have_no_ring(rng):
