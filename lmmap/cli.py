@@ -32,6 +32,7 @@ ESTIMATE = """examples:
   lmmap estimate run.aedat4 --modality event -o poses.csv --video overlay.mp4
   lmmap estimate run.aedat4 --modality event -o poses.csv --resume     after Ctrl-C
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum --format tum
+  lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
 """
 EVALUATE = """examples:
   lmmap evaluate demo.aedat4
@@ -103,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     text = "estimate the port's pose in each frame or histogram of a recording"
     sub = command("estimate", work.estimate, text, ESTIMATE)
     _recording(sub)
-    _estimation(sub, required=True)
+    _estimation(sub, required=True, fused=True)
     _file(sub, "-o", "--output", required=True, help="poses to write, each on disk as soon as it is known")
     sub.add_argument("--format", choices=("csv", "tum"), default="csv")
     _file(sub, "--video", help="overlay to write, .mp4 or .avi; takes about half again as long")
@@ -114,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("evaluate", work.evaluate, text, EVALUATE)
     _recording(sub)
     _file(sub, "--truth", help="trajectory, CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
-    _estimation(sub, required=False)
+    _estimation(sub, required=False, fused=True)
     sub.add_argument("--json", action="store_true", help="print JSON")
 
     sub = command("info", work.info, "what is in a recording, and its health", INFO)
@@ -156,9 +157,10 @@ def _recording(sub, nargs=None) -> None:
     _file(sub, "--camera", help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
 
 
-def _estimation(sub, required: bool) -> None:
-    modality = "needed" if required else "default: both"
-    sub.add_argument("--modality", choices=("rgb", "event"), required=required, help=modality)
+def _estimation(sub, required: bool, fused: bool = False) -> None:
+    modality = "needed" if required else "default: all"
+    choices = ("rgb", "event", "fused") if fused else ("rgb", "event")
+    sub.add_argument("--modality", choices=choices, required=required, help=modality)
     _file(sub, "--port", help="another port's geometry (JSON)")
     sub.add_argument("--rate", type=float, metavar="HZ", help="default: every frame, every N events")
     sub.add_argument("--events", type=int, metavar="N", help="events a histogram (default: 0.39 a pixel)")

@@ -7,17 +7,20 @@ import os
 import sys
 import time
 from collections import Counter
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
 
 import numpy as np
 from tqdm import tqdm
 
 from . import accuracy, live, pipeline
-from .core import Camera, InputError, Port
+from .core import Camera, Estimate, InputError, Port
+from .fusion import fuse
 from .journal import Journal
 from .overlay import Overlay
 from .recordings import health, open_stream, read_trajectory
 from .streams import Stream
+from .trajectories import as_read
 
 GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
@@ -82,6 +85,9 @@ def estimate(a) -> None:
     if a.video and a.resume and a.video.exists():
         raise InputError(f"{a.video}: a video cannot be gone on with; leave --video out, or name another one")
     stream = opened(a)
+    if a.modality == "fused":
+        _estimate_fused(a, stream)
+        return
     estimator = _estimator(a, stream.camera, a.modality)
     settings, stopped = estimator.settings, False
     video = Overlay(a.video, estimator.port, stream.camera) if a.video else nullcontext()
@@ -101,6 +107,47 @@ def estimate(a) -> None:
             stopped = True
         if not journal.statuses and not stopped:
             raise _none_found(stream, a.modality, settings)
+    _told(a, journal, kept, stopped)
+
+
+def _estimate_fused(a, stream: Stream) -> None:
+    """Both cameras' estimates, each on disk as it comes beside the output, and what is fused of them."""
+    if a.video:
+        raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
+    estimators = {m: _estimator(a, stream.camera, m) for m in accuracy.MODALITIES}
+    period_rad, stopped = estimators["rgb"].port.yaw_period_rad, False
+    with ExitStack() as files:
+        journal = files.enter_context(Journal(a.output, a.format, a.resume))
+        parts = {m: files.enter_context(Journal(a.output.with_suffix(f".{m}.csv"), "csv", a.resume))
+                 for m in estimators}  # fmt: skip
+        kept, poses = len(journal.statuses), 0
+        both = {m: _kept(stream, estimator, a.rate, parts[m]) for m, estimator in estimators.items()}
+        try:
+            with _Bar(stream, a.modality) as bar:
+                for one in fuse(pipeline.in_time(both), period_rad, a.rate):
+                    if journal.has(one.t_us):
+                        continue
+                    journal.add(one)
+                    poses += one.T_cam_port is not None
+                    bar.shown(one.t_us, len(journal.statuses) - kept, poses)
+        except KeyboardInterrupt:
+            stopped = True
+        if not journal.statuses and not stopped:
+            raise _none_found(stream, "event", estimators["event"].settings)
+    _told(a, journal, kept, stopped)
+
+
+def _kept(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
+    """One camera's estimates, each on disk before the next; those on disk already are not made again."""
+    for t_us, image in pipeline.images(stream, estimator.modality, estimator.settings, rate_hz):
+        if not journal.has(t_us):
+            one = estimator(image, t_us)
+            journal.add(one)
+        yield journal.done[t_us] if t_us in journal.done else as_read(one)
+
+
+def _told(a, journal: Journal, kept: int, stopped: bool) -> None:
+    """The summary of what was estimated; `KeyboardInterrupt` if it was stopped."""
     if a.json:
         counts = dict(sorted(Counter(journal.statuses).items()))
         print(json.dumps({"output": str(a.output), "images": len(journal.statuses), "statuses": counts}))
@@ -119,15 +166,18 @@ def evaluate(a) -> None:
     if stream.truth is None:
         name = f"{a.recording.stem}.truth.csv"
         raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}")
-    report, tables = {}, {}
-    for modality in [a.modality] if a.modality else ["rgb", "event"]:
+    report, tables, found = {}, {}, {}
+    for modality in [a.modality] if a.modality in accuracy.MODALITIES else accuracy.MODALITIES:
         estimator = _estimator(a, stream.camera, modality)
-        found = []
+        some = found[modality] = []
         with _Bar(stream, modality) as bar:
             for one in pipeline.estimate(stream, estimator, a.rate):
-                found.append(one)
-                bar.shown(one.t_us, len(found), sum(e.T_cam_port is not None for e in found))
-        table = accuracy.errors(stream, found, estimator.port)
+                some.append(one)
+                bar.shown(one.t_us, len(some), sum(e.T_cam_port is not None for e in some))
+    if all(found.values()) and a.modality not in accuracy.MODALITIES:
+        found["fused"] = list(fuse(pipeline.in_time(found), estimator.port.yaw_period_rad, a.rate))
+    for modality in [a.modality] if a.modality else found:
+        table = accuracy.errors(stream, found.get(modality, []), estimator.port)
         if len(table):
             report[modality], tables[modality] = accuracy.report(table), accuracy.summary(table)
         elif a.modality:
@@ -138,17 +188,22 @@ def evaluate(a) -> None:
         keys = ["outlier_filter", "metric", "formula", "statistic"]
         rows = {m: t.set_index(keys)["value"].replace({np.nan: None}) for m, t in tables.items()}
         named = {m: {"/".join(k): v for k, v in values.items()} for m, values in rows.items()}
-        print(json.dumps({m: report[m] | {"table": named[m]} for m in report}, indent=1))
+        known = {m: {k: None if np.isnan(v) else v for k, v in report[m].items()} for m in report}
+        print(json.dumps({m: known[m] | {"table": named[m]} for m in report}, indent=1))
         return
     print(f"{'':40}" + "".join(f"{m:>10}" for m in report))
     for name in next(iter(report.values())):
-        print(f"{name.replace('_', ' '):40}" + "".join(f"{report[m][name]:10.2f}" for m in report))
+        print(f"{name.replace('_', ' '):40}" + "".join(_cell(report[m][name]) for m in report))
     wanted = next(iter(tables.values())).query("formula == 'exact' and outlier_filter == 'with'")
     for k, line in wanted.iterrows():
         scale, unit = (1e3, "mm") if line.metric.endswith("_m") else (1, line.metric.rsplit("_", 1)[1])
         name = f"with outlier filter: {line.metric.rsplit('_', 1)[0]} {line.statistic} {unit}"
-        cells = "".join(f"{scale * tables[m].value[k]:10.2f}" for m in tables)
+        cells = "".join(_cell(scale * tables[m].value[k]) for m in tables)
         print(f"{name.replace('_', ' '):40}" + cells)
+
+
+def _cell(value: float) -> str:
+    return f"{'-':>10}" if np.isnan(value) else f"{value:10.2f}"
 
 
 def info(a) -> None:

@@ -16,8 +16,8 @@ class Journal:
     """Estimates on disk one by one, as ``csv`` (`read_estimates`) or ``tum`` (`read_trajectory`).
 
     Without ``resume``, a file of that name is replaced when the first estimate comes, not before.  With it,
-    ``done_us`` are the times of the estimates that are there already (``tum`` holds poses only); a last line
-    that was cut off is dropped.  Use it in a ``with`` block; raises `InputError` for what cannot be written.
+    ``done_us`` are the times of the estimates that are there already (``tum`` holds poses only), ``done`` the
+    estimates by their times (``csv``); a last line that was cut off is dropped.  Use it in a ``with`` block; raises `InputError` for what cannot be written.
     """
 
     def __init__(self, path, format: str = "csv", resume: bool = False):
@@ -26,6 +26,7 @@ class Journal:
         self.path, self.format = Path(path), format
         self.statuses: list[str] = []
         self.done_us: list[int] = []
+        self.done: dict[int, Estimate] = {}
         self._file = None
         folder = self.path.parent
         if not folder.is_dir():
@@ -52,6 +53,7 @@ class Journal:
         if content[:whole].decode(errors="replace").splitlines()[0] != ",".join(COLUMNS):
             raise InputError(f"{self.path}: has other columns than this version's; leave --resume out")
         found = read_estimates(self.path)
+        self.done = {e.t_us: e for e in found}
         self.done_us, self.statuses = [e.t_us for e in found], [str(e.status) for e in found]
         return whole
 

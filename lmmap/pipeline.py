@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +194,12 @@ def estimate(
     shots = images(recording, estimator.modality, estimator.settings, rate_hz)
     for _, one in answered(shots, estimator):
         yield one
+
+
+def in_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
+    """``(modality, estimate)`` of several modalities, each in the order of time, merged in the order of time."""
+    named = [zip(repeat(modality), some) for modality, some in estimates.items()]
+    return heapq.merge(*named, key=lambda one: one[1].t_us)
 
 
 def true_poses(recording: Recording | Stream, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:

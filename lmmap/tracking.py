@@ -1,4 +1,4 @@
-"""What neighbouring estimates say about one another: the paper's outlier filter."""
+"""Which estimates to believe: by their neighbours (the paper's outlier filter), or by their covariance."""
 
 from __future__ import annotations
 
@@ -32,3 +32,19 @@ def outlier_filter(
         keep[: back + 1] = False
         keep[back + 1 :] &= close[: len(close) - back]
     return keep
+
+
+def sigmas(estimate: Estimate) -> tuple[float, float]:
+    """Standard deviations of the position (m) and of the normal (rad), each along its worst direction."""
+    C, n = estimate.covariance, estimate.T_cam_port.normal
+    across = np.eye(3) - np.outer(n, n)
+    worst = [np.linalg.eigvalsh(block)[-1] for block in (C[:3, :3], across @ C[3:, 3:] @ across)]
+    return tuple(float(np.sqrt(max(w, 0))) for w in worst)
+
+
+def certain(estimates: Sequence[Estimate], settings: Settings = PAPER) -> np.ndarray:
+    """Which estimates say themselves that they are good, shape (N,) bool: their standard deviations are
+    below ``max_position_sigma_m`` and ``max_normal_sigma_rad``."""
+    limits = settings.max_position_sigma_m, settings.max_normal_sigma_rad
+    return np.array([e.T_cam_port is not None and np.all(np.less_equal(sigmas(e), limits))
+                     for e in estimates], bool)  # fmt: skip

@@ -117,6 +117,11 @@ def as_row(e: Estimate) -> dict:
     return row
 
 
+def as_read(e: Estimate) -> Estimate:
+    """The estimate as who reads its line will have it, rounded to the line's digits."""
+    return _estimate(as_row(e))
+
+
 def read_estimates(path) -> list[Estimate]:
     """Read what `write_estimates` wrote; raises `InputError`."""
     try:
@@ -150,9 +155,13 @@ def _estimate(row: dict) -> Estimate:
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:
     """The estimates that have a pose, as a trajectory."""
     found = [e for e in estimates if e.T_cam_port is not None]
-    rotation = np.array([e.T_cam_port.rotation for e in found]).reshape(-1, 3, 3)
-    position_m = np.array([e.T_cam_port.position_m for e in found]).reshape(-1, 3)
-    return Trajectory([e.t_us for e in found], Pose(rotation, position_m))
+    return Trajectory([e.t_us for e in found], stacked([e.T_cam_port for e in found]))
+
+
+def stacked(poses: list[Pose]) -> Pose:
+    """Single poses as one of shape (N,)."""
+    rotation = np.array([T.rotation for T in poses]).reshape(-1, 3, 3)
+    return Pose(rotation, np.array([T.position_m for T in poses]).reshape(-1, 3))
 
 
 def _read_csv(path, columns) -> list[dict]:

@@ -108,6 +108,47 @@ def test_resuming_with_other_images_is_refused(tmp_path, capsys):
     assert poses.read_bytes() == before
 
 
+def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
+    """Both cameras' tables lie beside the fused one; interrupted within a line, it ends equal byte by byte."""
+    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
+    argv = ("estimate", MINI, "--modality", "fused", "--rate", "10", "-o")
+    assert run(capsys, *argv, whole)[0] == 0
+    fused, rgb, event = (
+        read_estimates(whole.with_suffix(s)) for s in (".csv", ".rgb.csv", ".event.csv")
+    )
+    assert [e.t_us for e in fused] == [e.t_us for e in rgb]
+    assert len(event) > 5 and all(e.T_cam_port is not None and e.covariance is not None for e in fused)
+
+    add, calls = Journal.add, []
+
+    def interrupted(self, one):
+        calls.append(add(self, one))
+        if len(calls) == 9:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "add", interrupted)
+    assert run(capsys, *argv, cut)[0] == 130
+    monkeypatch.undo()
+    kept = cut.with_suffix(".rgb.csv").read_bytes()
+    assert 0 < len(cut.read_bytes()) < len(whole.read_bytes())
+    cut.with_suffix(".rgb.csv").write_bytes(kept + b"16000000")
+    assert run(capsys, *argv, cut, "--resume")[0] == 0
+    for suffix in (".csv", ".rgb.csv", ".event.csv"):
+        assert cut.with_suffix(suffix).read_bytes() == whole.with_suffix(suffix).read_bytes()
+    code, _, err = run(capsys, *argv, cut, "--video", tmp_path / "o.mp4")
+    assert code == 1 and "one camera's images" in err
+
+
+def test_evaluate_has_all_three(capsys):
+    code, out, _ = run(capsys, "evaluate", MINI, "--rate", "10", "--json")
+    found = json.loads(out)
+    assert code == 0 and list(found) == ["rgb", "event", "fused"]
+    assert found["fused"]["detected_of_all_percent"] >= found["event"]["detected_of_all_percent"]
+    assert found["fused"]["paper_formula_position_median_mm"] is None
+    only = json.loads(run(capsys, "evaluate", MINI, "--rate", "10", "--modality", "fused", "--json")[1])
+    assert only == {"fused": found["fused"]}
+
+
 def test_overlay_has_a_picture_an_image(tmp_path, capsys):
     video = tmp_path / "o.mp4"
     argv = ("estimate", MINI, "--modality", "event", "--rate", "10", "-o", tmp_path / "p.csv", "--json")

@@ -1,0 +1,60 @@
+"""Nothing is tuned on what it is tested with: constants come from sequences that neither train nor test."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import calibrate_uncertainty
+import numpy as np
+import pandas as pd
+import pytest
+import tune_fusion
+
+from lmmap import accuracy, dataset, photometry
+from lmmap.core import PAPER
+from lmmap.fusion import Motion
+from lmmap.laboratory import sequence
+from lmmap.results import DATA, load_json
+
+TUNED_ON = {
+    "benchmarks/tune_fusion.py": tune_fusion.SEQUENCES,
+    "benchmarks/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
+    "lmmap photometry": photometry.TRAJECTORIES,
+    "filters": [name for names in dataset.SETS.values() for name in names],
+}
+FUSION = DATA / "results" / "fusion"
+
+
+@pytest.mark.parametrize("names", TUNED_ON.values(), ids=TUNED_ON)
+def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
+    assert all(name.startswith(("realistic-", "augmented-")) for name in names)
+    judged = {name for profile in ("quick", "paper") for name in accuracy.sequences_of(profile)}
+    assert all(name.startswith(("test-", "hard-", "empty-")) for name in judged)
+    assert not judged & set(names)
+
+
+def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
+    trained = set(TUNED_ON["filters"])
+    assert not trained & {*tune_fusion.SEQUENCES, *calibrate_uncertainty.SEQUENCES}
+
+
+def test_training_and_test_move_differently():
+    """Sequences of other names have other motions; the three tests share theirs."""
+    drawn = {
+        name: tuple(sequence(name).rng("motion").uniform(size=4))
+        for name in (*tune_fusion.SEQUENCES, "test-low", "test-high", "hard-slow", "hard-reflect")
+    }
+    assert drawn["test-low"] == drawn["test-high"]
+    assert len(set(drawn.values())) == len(drawn) - 1
+
+
+def test_the_constants_are_the_scripts_choice():
+    """The committed grid's best score, and the committed choices, are what the module holds."""
+    grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
+    best = grid.loc[grid.score.idxmax()]
+    assert asdict(Motion()) == pytest.approx(choices["motion"])
+    assert {name: best[name] for name in ("acceleration_m", "acceleration_rad", "correlation_s")}.items() <= asdict(
+        Motion()
+    ).items()
+    assert choices["max_position_sigma_m"] == PAPER.max_position_sigma_m
+    assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(PAPER.max_normal_sigma_rad)
+    assert Path(FUSION / "grid.provenance.json").exists()
