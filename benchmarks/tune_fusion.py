@@ -3,10 +3,10 @@ train nor test anything.
 
     python benchmarks/tune_fusion.py
 
-Realistic sequences under every light and on both skins, each also with frames, events or both taken away for
-a while, because a filter that coasts must know how far it may.  The score is the logarithmic score of the true
-pose under the fused covariance, which rewards small errors and honest covariances alike.  Estimates are kept in
-data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion.
+Realistic sequences under every light and on both skins, each also with frames, events or both taken away
+for a while, because a filter that coasts must know how far it may.  The score is the logarithmic score of
+the true pose under the fused covariance, which rewards small errors and honest covariances alike.  Estimates
+are kept in data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion.
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ def measured(name: str):
 
 def silenced(found: dict) -> dict:
     """The estimates with each modality's replaced by failures for a while."""
+
     def failed(modality, e):
         first_s, last_s = SILENT_S[modality]
         return replace(e, status=Status.NO_RING, T_cam_port=None) if first_s < e.t_us * 1e-6 < last_s else e

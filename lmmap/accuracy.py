@@ -1,71 +1,124 @@
-"""The paper's accuracy study: errors and detection rates of one recording, and of the bench's test."""
+"""The paper's accuracy study: errors, detection rates and intervals of recordings, and the paper's table."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import chi2
 
-from . import photometry, sequences
-from .core import Estimate, Port, Pose, Recording
-from .filters import shipped_gaps
+from . import photometry, resampling, sequences
+from .core import PAPER, Estimate, Port, Recording
 from .geometry import in_view
-from .metrics import normal_error_rad, position_error_m, rotation_error_rad
-from .pipeline import Estimator, estimate, true_poses
-from .quality import filter_quality
-from .recordings import open_recording, write_npz
-from .results import DATA, DERIVED, fingerprint, save_json, save_table
-from .tracking import outlier_filter
-from .trajectories import write_estimates
+from .metrics import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
+from .pipeline import true_poses
+from .results import DATA
+from .tracking import certain, outlier_filter, sigmas
+from .trajectories import stacked
 
 LIGHTS, MODALITIES, DOMAIN_GAPS = ("low", "medium", "high"), ("rgb", "event"), ("low", "high")
-BENCH = [
-    f"lmmap/{name}.py"
-    for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
-]
-SEQUENCES = ("test-low", "test-medium", "test-high", "hard-slow", "hard-reflect", "empty-0")
+METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
+VARIANTS = {  # prefix of the errors' columns, who is taken at all, whom the outlier filter keeps
+    "exact": ("", None, "kept"),
+    "printed": ("paper_", None, "paper_kept"),
+    "certain": ("", "certain", "certain_kept"),
+}
+BLOCK_S = 5.0  # of the bootstrap: a quarter of the test motion's mean period, after which the view is another
 
 
 def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
-    """One row per estimate: status, in view or not, and the errors of our pose and of the paper's
-    formula on the same ellipse (NaN where there is no pose)."""
+    """One row per estimate, NaN where there is no pose.
+
+    Returns
+    -------
+    DataFrame
+        ``t_us, status, in_view``; errors of our pose and of the paper's formula (``paper_``) on the same
+        ellipse; whom the outlier filter keeps of either (``kept, paper_kept``); ``certain``, and whom it
+        keeps of those; what the covariance promises (``position_sigma_m, normal_sigma_deg``), and the
+        squared Mahalanobis distance of the true pose (``nees``, chi-square with 6 degrees of freedom).
+    """
     known, truth = true_poses(recording, estimates)
+    printed = [replace(e, T_cam_port=e.paper) for e in known]
     table = pd.DataFrame({"t_us": [e.t_us for e in known], "status": [str(e.status) for e in known]})
     table["in_view"] = in_view(truth, port, recording.camera)
-    table["kept"] = outlier_filter(known, port.yaw_period_rad)
-    for name, poses in (("", [e.T_cam_port for e in known]), ("paper_", [e.paper for e in known])):
-        found = np.array([p is not None for p in poses], bool)
-        columns = (f"{name}position_error_m", f"{name}normal_error_deg", f"{name}rotation_error_deg")
-        table[list(columns)] = np.nan
-        if found.any():
-            ours = _stack([p for p in poses if p is not None])
-            table.loc[found, columns[0]] = position_error_m(ours, truth[found])
-            table.loc[found, columns[1]] = np.rad2deg(normal_error_rad(ours, truth[found]))
-            angle = rotation_error_rad(ours, truth[found], port.yaw_period_rad)
-            table.loc[found, columns[2]] = np.rad2deg(angle)
+    table["certain"] = sure = certain([e if e.covariance is not None else replace(e, T_cam_port=None)
+                                       for e in known])  # fmt: skip
+    sure_ones = [e if s else replace(e, T_cam_port=None) for e, s in zip(known, sure, strict=True)]
+    for name, some in (("kept", known), ("paper_kept", printed), ("certain_kept", sure_ones)):
+        table[name] = outlier_filter(some, port.yaw_period_rad)
+    for prefix, some in (("", known), ("paper_", printed)):
+        found = np.array([e.T_cam_port is not None for e in some], bool)
+        ours = stacked([e.T_cam_port for e in some if e.T_cam_port is not None])
+        values = (position_error_m(ours, truth[found]), np.rad2deg(normal_error_rad(ours, truth[found])),
+                  np.rad2deg(rotation_error_rad(ours, truth[found], port.yaw_period_rad)))  # fmt: skip
+        for metric, value in zip(METRICS, values, strict=True):
+            table[prefix + metric] = np.nan
+            table.loc[found, prefix + metric] = value
+    promised = ["position_sigma_m", "normal_sigma_deg", "nees"]
+    table[promised] = np.nan
+    having = np.array([e.T_cam_port is not None and e.covariance is not None for e in known], bool)
+    if having.any():
+        some = [e for e, has in zip(known, having, strict=True) if has]
+        d = pose_difference(stacked([e.T_cam_port for e in some]), truth[having], port.yaw_period_rad)
+        nees = [x @ np.linalg.solve(e.covariance, x) for x, e in zip(d, some, strict=True)]
+        table.loc[having, promised] = np.column_stack(
+            [np.array([sigmas(e) for e in some]) * [1, 180 / np.pi], nees]
+        )
     return table
 
 
-def _stack(poses: list[Pose]) -> Pose:
-    return Pose(np.stack([p.rotation for p in poses]), np.stack([p.position_m for p in poses]))
+def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed: int = 0) -> pd.DataFrame:
+    """Median and RMSE of each error and the detection rates, by `VARIANTS`, with and without outlier filter.
+
+    Parameters
+    ----------
+    tables
+        `errors` of one sequence, or of several that count as one.
+    draws
+        Of the bootstrap for the 95 % intervals ``low`` and ``high``; 0 leaves them NaN.
+    """
+    tables = [tables] if isinstance(tables, pd.DataFrame) else list(tables)
+    table = pd.concat(tables, ignore_index=True)
+    block = round(BLOCK_S * PAPER.rate_hz)
+    counts = resampling.block_counts([len(t) for t in tables], block, draws, np.random.default_rng(seed))
+    once, rows = np.ones((1, len(table)), int), []
+
+    def row(name, statistic, function, *values):
+        value, drawn = function(*values, once)[0], function(*values, counts)
+        rows.append((*name, statistic, value, *resampling.interval(drawn)))
+
+    for (variant, (prefix, among, kept)), filtered in product(VARIANTS.items(), ("without", "with")):
+        found = table[prefix + METRICS[0]].notna() & (table[among] if among else True)
+        found &= table[kept] if filtered == "with" else True
+        for metric in METRICS:
+            values = table[prefix + metric].where(found)
+            row((filtered, metric, variant), "median", resampling.medians, values)
+            row((filtered, metric, variant), "rmse", resampling.root_mean_squares, values)
+        for statistic, among_which in (("all", table.in_view | True), ("in_fov", table.in_view)):
+            name = (filtered, "detection_rate_percent", variant)
+            row(name, statistic, _percents, found, among_which)
+    return pd.DataFrame(
+        rows, columns=["outlier_filter", "metric", "variant", "statistic", "value", "low", "high"]
+    )
 
 
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Median and RMSE of each error, exact and printed formula, with and without outlier filter."""
-    rows = []
-    for kept in ("without", "with"):
-        some = table[table.kept] if kept == "with" else table
-        for metric in ("position_error_m", "normal_error_deg", "rotation_error_deg"):
-            for formula, name in (("exact", metric), ("paper", f"paper_{metric}")):
-                values = some[name].dropna()
-                rows.append((kept, metric, formula, "median", values.median()))
-                rows.append((kept, metric, formula, "rmse", np.sqrt((values**2).mean())))
-        found = some.position_error_m.notna()
-        rows.append((kept, "detection_rate_percent", "exact", "all", _percent(found.sum(), len(table))))
-        seen = (found & some.in_view).sum()
-        rows.append((kept, "detection_rate_percent", "exact", "in_fov", _percent(seen, table.in_view.sum())))
-    return pd.DataFrame(rows, columns=["outlier_filter", "metric", "formula", "statistic", "value"])
+def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
+    """Percent of `errors`' poses whose 95 % region holds the true pose, with its 95 % interval."""
+    table = pd.concat(tables, ignore_index=True)
+    known, inside = table.nees.notna(), table.nees < chi2.ppf(0.95, 6)
+    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
+    counts = resampling.block_counts([len(t) for t in tables], block, draws, rng)
+    low, high = resampling.interval(_percents(inside, known, counts))
+    return {"poses": int(known.sum()), "inside_95_percent": _percent((inside & known).sum(), known.sum()),
+            "low": low, "high": high}  # fmt: skip
+
+
+def _percents(found, among, counts):
+    return 100 * resampling.shares(found, among, counts)
 
 
 def report(table: pd.DataFrame) -> dict:
@@ -89,88 +142,36 @@ def _percent(part, whole) -> float:
     return 100 * part / whole if whole else np.nan
 
 
-def saturation(recording: Recording, port: Port) -> dict:
-    """Share of the port's region of interest that is black or white, mean over frames."""
-    found = []
-    for frame, pose in zip(recording.frames, recording.truth.at(recording.frames_t_us), strict=True):
+def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz) -> pd.DataFrame:
+    """Percent of the port's region of interest that is black (``low``) and white (``high``), by frame at a
+    rate: ``t_us, low, high``."""
+    rows, every = [], max(round(sequences.FRAME_HZ / rate_hz), 1)
+    frames = zip(recording.frames_t_us[::every].tolist(), recording.frames[::every], strict=True)
+    for t_us, frame in frames:
+        pose = recording.truth.at(np.array([t_us]))[0]
         region = sequences.label_masks(pose, port, recording.camera).any(0)
         if region.any():
-            found.append(photometry.saturation(frame, region))
-    low, high = np.mean(found, 0)
-    return {"low": float(low), "high": float(high)}
-
-
-def reproduce(profile: str, report=print) -> None:
-    """Simulate the test, hard and empty sequences, estimate both modalities, keep errors and tables.
-
-    Each recording and each sequence's results are kept as soon as they are done, under a fingerprint of
-    what made them, so that an interrupted run goes on and a second run has nothing to do.
-    """
-    folder, mark = DERIVED / profile, fingerprint(profile)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in SEQUENCES:
-        done = folder / f"{name}.done"
-        if done.exists() and done.read_text() == mark:
-            report(f"{name}: up to date")
-            continue
-        recording = _recorded(name, sequences.SECONDS[profile][name.split("-")[0]], folder, report)
-        for gap in DOMAIN_GAPS if name.startswith("test") else DOMAIN_GAPS[:1]:
-            for modality in MODALITIES:
-                _estimate(recording, modality, gap, folder, profile, report)
-        if name.startswith("test"):
-            fits = pd.concat([filter_quality(recording, gap) for gap in shipped_gaps()])
-            save_table(folder / f"filters-{name}.csv", fits, profile=profile)
-        if recording.truth is not None:
-            values = saturation(recording, Port.lm_map())
-            save_json(folder / f"saturation-{name}.json", values, profile=profile)
-        done.write_text(mark)
-    tables = [
-        pd.read_csv(folder / f"summary-{_label(f'test-{light}', modality, gap)}.csv").assign(
-            light=light, modality=modality, training=f"{gap}-domain-gap"
-        )
-        for light in LIGHTS for modality in MODALITIES for gap in DOMAIN_GAPS
-    ]  # fmt: skip
-    save_table(folder / "summary.csv", pd.concat(tables), profile=profile)
-
-
-def _recorded(name: str, seconds: float, folder: Path, report) -> Recording:
-    """The sequence's recording, simulated unless the one kept is of the same bench and length."""
-    path, made_of = folder / f"{name}.npz", folder / f"{name}.simulated"
-    mark = fingerprint(name, str(seconds), patterns=BENCH)
-    if not (path.exists() and made_of.exists() and made_of.read_text() == mark):
-        report(f"{name}: simulating {seconds:.0f} s")
-        write_npz(sequences.simulate(name, seconds), path)
-        made_of.write_text(mark)
-    return open_recording(path)
-
-
-def _label(name: str, modality: str, gap: str) -> str:
-    """Low-domain-gap weights are the default, and go without saying."""
-    return f"{name}-{modality}" + ("-high-gap" if gap == "high" else "")
-
-
-def _estimate(recording: Recording, modality: str, gap: str, folder: Path, profile: str, report) -> None:
-    port, label = Port.lm_map(), _label(recording.name, modality, gap)
-    estimator = Estimator(recording.camera, port, modality, gap)
-    found = list(estimate(recording, estimator, estimator.settings.rate_hz))
-    write_estimates(found, folder / f"estimates-{label}.csv")
-    counts = {
-        "images": len(found),
-        "poses": sum(e.T_cam_port is not None for e in found),
-        "ellipses": sum(e.ellipse is not None for e in found),
-    }
-    report(f"{label}: {counts['poses']} poses in {counts['images']} images")
-    save_json(folder / f"counts-{label}.json", counts, profile=profile)
-    if recording.truth is not None:
-        table = errors(recording, found, port)
-        save_table(folder / f"errors-{label}.csv", table, profile=profile)
-        save_table(folder / f"summary-{label}.csv", summary(table), profile=profile)
+            rows.append((t_us, *photometry.saturation(frame, region)))
+    return pd.DataFrame(rows, columns=["t_us", "low", "high"])
 
 
 def compare(folder: Path) -> pd.DataFrame:
-    """The paper's Table I beside ours, cell by cell; ``printed`` is the paper's formula on our ellipses."""
-    keys = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
-    paper = pd.read_csv(DATA / "paper" / "table1.csv")
-    ours = pd.read_csv(folder / "summary.csv").pivot_table("value", keys, "formula", dropna=False)
-    ours = ours.rename(columns={"exact": "ours", "paper": "printed"}).reset_index()
-    return paper.rename(columns={"value": "published"}).merge(ours, on=keys)
+    """The paper's Table I beside ours, cell by cell.
+
+    Returns
+    -------
+    DataFrame
+        A row per cell of the paper's table.  ``published``; ``printed``, the paper's formula on our ellipses;
+        ``ours``, the exact and refined pose; ``certain``, ours where its covariance is small; ``fused`` of
+        both modalities, alike for both.  Of ours, ``_low`` and ``_high`` bound the 95 % interval.
+    """
+    cell = ["training", "outlier_filter", "metric", "statistic", "light"]
+    paper = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "published"})
+    every = pd.read_csv(folder / "summary.csv")
+    names = {"printed": "printed", "exact": "ours", "certain": "certain", "fused": "fused"}
+    for variant, name in names.items():
+        ends = {"value": name, "low": f"{name}_low", "high": f"{name}_high"}
+        of = every[every.variant == variant].rename(columns=ends)
+        keys = cell if variant == "fused" else [*cell, "modality"]
+        paper = paper.merge(of[[*keys, *ends.values()]], on=keys)
+    return paper

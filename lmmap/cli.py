@@ -13,8 +13,8 @@ from pathlib import Path
 import shtab
 from tqdm import tqdm
 
-from . import accuracy, photometry, sequences, simulation, vo
 from . import commands as work
+from . import photometry, sequences, simulation, study, vo
 from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recordings import WRITERS
@@ -143,6 +143,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
+    sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
 
     vo.register(command)
     return parser
@@ -224,4 +225,4 @@ def train(a) -> None:
 
 
 def reproduce(a) -> None:
-    accuracy.reproduce(a.profile, lambda line: print(line, flush=True))
+    study.reproduce(a.profile, jobs=a.jobs)

@@ -300,9 +300,6 @@ class Settings:
     outlier_angle_rad: float = field(default=float(np.deg2rad(15.0)))
     outlier_poses: int = 3
     rate_hz: float = 10.0
-    # `tracking.certain`: 99 of 100 good estimates, by `python benchmarks/tune_fusion.py`
-    max_position_sigma_m: float = 0.0109
-    max_normal_sigma_rad: float = field(default=float(np.deg2rad(20.3)))
 
 
 PAPER = Settings()

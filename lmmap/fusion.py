@@ -168,9 +168,7 @@ class Fusion:
     def _innovation(self, T: Pose, measured: Pose) -> np.ndarray:
         turned = measured.rotation @ self._turns @ T.rotation.T
         nearest = turned[np.argmin(rotation_angle_rad(turned))]
-        return np.concatenate(
-            [measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()]
-        )
+        return np.concatenate([measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()])
 
     def _repetition(self, track: Track, camera: str, t_us: int) -> float:
         """(1 + rho) / (1 - rho) = coth(dt / 2 correlation_s); 1 for a camera's first estimate."""

@@ -17,7 +17,8 @@ class Journal:
 
     Without ``resume``, a file of that name is replaced when the first estimate comes, not before.  With it,
     ``done_us`` are the times of the estimates that are there already (``tum`` holds poses only), ``done`` the
-    estimates by their times (``csv``); a last line that was cut off is dropped.  Use it in a ``with`` block; raises `InputError` for what cannot be written.
+    estimates by their times (``csv``); a last line that was cut off is dropped.  Use it in a ``with`` block;
+    raises `InputError` for what cannot be written.
     """
 
     def __init__(self, path, format: str = "csv", resume: bool = False):

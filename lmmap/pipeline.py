@@ -197,7 +197,7 @@ def estimate(
 
 
 def in_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
-    """``(modality, estimate)`` of several modalities, each in the order of time, merged in the order of time."""
+    """``(modality, estimate)`` in the order of time, of modalities whose own estimates are in that order."""
     named = [zip(repeat(modality), some) for modality, some in estimates.items()]
     return heapq.merge(*named, key=lambda one: one[1].t_us)
 

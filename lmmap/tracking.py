@@ -9,6 +9,10 @@ import numpy as np
 from .core import PAPER, Estimate, Settings
 from .geometry import rotation_between_rad
 
+# 99 of 100 good estimates keep these, by `python benchmarks/tune_fusion.py`
+MAX_POSITION_SIGMA_M = 0.0109
+MAX_NORMAL_SIGMA_RAD = float(np.deg2rad(20.3))
+
 
 def outlier_filter(
     estimates: Sequence[Estimate], yaw_period_rad: float, settings: Settings = PAPER
@@ -42,9 +46,7 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
     return tuple(float(np.sqrt(max(w, 0))) for w in worst)
 
 
-def certain(estimates: Sequence[Estimate], settings: Settings = PAPER) -> np.ndarray:
-    """Which estimates say themselves that they are good, shape (N,) bool: their standard deviations are
-    below ``max_position_sigma_m`` and ``max_normal_sigma_rad``."""
-    limits = settings.max_position_sigma_m, settings.max_normal_sigma_rad
+def certain(estimates: Sequence[Estimate], limits=(MAX_POSITION_SIGMA_M, MAX_NORMAL_SIGMA_RAD)) -> np.ndarray:
+    """Which estimates say themselves that they are good, shape (N,) bool: their `sigmas` keep the limits."""
     return np.array([e.T_cam_port is not None and np.all(np.less_equal(sigmas(e), limits))
                      for e in estimates], bool)  # fmt: skip

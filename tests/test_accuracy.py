@@ -1,5 +1,7 @@
 """Tables of errors from made-up estimates whose errors are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -63,12 +65,52 @@ def test_no_pose_at_all_is_a_table_of_nan(recording):
 
 
 def test_compare_has_every_cell_of_the_papers_table(tmp_path):
-    paper = pd.read_csv(DATA / "paper" / "table1.csv")
-    formulas = pd.concat(
-        [paper.assign(formula="exact"), paper.assign(formula="paper", value=2 * paper.value)]
-    )
-    formulas.to_csv(tmp_path / "summary.csv", index=False)
+    paper = pd.read_csv(DATA / "paper" / "table1.csv").assign(low=0.0, high=1e3)
+    twice, one = paper.assign(variant="printed", value=2 * paper.value), paper[paper.modality == "rgb"]
+    variants = [paper.assign(variant="exact"), twice, paper.assign(variant="certain"),
+                one.assign(variant="fused", modality="fused")]  # fmt: skip
+    pd.concat(variants).to_csv(tmp_path / "summary.csv", index=False)
     table = accuracy.compare(tmp_path)
     assert len(table) == len(paper)
     assert table.ours.tolist() == pytest.approx(table.published.tolist())
     assert table.printed.tolist() == pytest.approx((2 * table.published).tolist())
+    rgb = table[table.modality == "rgb"]
+    assert rgb.fused.tolist() == pytest.approx(rgb.published.tolist())
+    assert (table.ours_low == 0).all() and (table.fused_high == 1e3).all()
+
+
+def test_what_is_uncertain_is_left_out_of_its_variant_only(recording):
+    tight, loose = (np.diag([s] * 3 + [10 * s] * 3) ** 2 for s in (1e-3, 1e-1))
+    found = [
+        replace(answer(recording, 100_000 * k, 0.001 * k), covariance=loose if k == 2 else tight)
+        for k in range(1, 6)
+    ]
+    table = accuracy.errors(recording, found, Port.lm_map())
+    assert table.certain.tolist() == [True, False, True, True, True]
+    assert table.kept.tolist() == [False, False, True, True, True]
+    assert table.certain_kept.tolist() == [False, False, False, False, True]
+    assert table.nees.tolist() == pytest.approx([1, 4e-4, 9, 16, 25])
+    cells = accuracy.summary(table).set_index(["variant", "outlier_filter", "metric", "statistic"]).value
+    assert cells["exact", "without", "position_error_m", "median"] == pytest.approx(0.003)
+    assert cells["certain", "without", "position_error_m", "median"] == pytest.approx(0.0035)
+    assert cells["certain", "with", "detection_rate_percent", "all"] == pytest.approx(20)
+    assert cells["printed", "without", "position_error_m", "rmse"] == pytest.approx(0)
+
+
+def test_intervals_hold_their_value_and_two_sequences_count_as_one(recording):
+    shifts_m = np.random.default_rng(0).uniform(0, 0.01, 120)
+    found = [answer(recording, 5000 * k, shift_m) for k, shift_m in enumerate(shifts_m)]
+    one = accuracy.errors(recording, found, Port.lm_map())
+    cells = accuracy.summary([one, one], draws=200)
+    some = cells[(cells.variant == "exact") & (cells.outlier_filter == "without")]
+    assert (some.low <= some.value + 1e-12).all() and (some.value <= some.high + 1e-12).all()
+    median = some[(some.metric == "position_error_m") & (some.statistic == "median")].value.item()
+    assert median == pytest.approx(one.position_error_m.median())
+    pd.testing.assert_frame_equal(cells, accuracy.summary([one, one], draws=200))
+
+
+def test_coverage_counts_the_poses_inside():
+    table = pd.DataFrame({"nees": [0.0, 1.0, 100.0, np.nan]})
+    found = accuracy.coverage([table, table], draws=100)
+    assert (found["poses"], found["inside_95_percent"]) == (6, pytest.approx(200 / 3))
+    assert 0 <= found["low"] <= found["inside_95_percent"] <= found["high"] <= 100

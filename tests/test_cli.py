@@ -109,13 +109,11 @@ def test_resuming_with_other_images_is_refused(tmp_path, capsys):
 
 
 def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
-    """Both cameras' tables lie beside the fused one; interrupted within a line, it ends equal byte by byte."""
+    """Both cameras' tables lie beside the fused one; interrupted, it ends equal byte by byte."""
     whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
     argv = ("estimate", MINI, "--modality", "fused", "--rate", "10", "-o")
     assert run(capsys, *argv, whole)[0] == 0
-    fused, rgb, event = (
-        read_estimates(whole.with_suffix(s)) for s in (".csv", ".rgb.csv", ".event.csv")
-    )
+    fused, rgb, event = (read_estimates(whole.with_suffix(s)) for s in (".csv", ".rgb.csv", ".event.csv"))
     assert [e.t_us for e in fused] == [e.t_us for e in rgb]
     assert len(event) > 5 and all(e.T_cam_port is not None and e.covariance is not None for e in fused)
 

@@ -94,9 +94,7 @@ def test_thirds_of_a_turn_make_no_difference(seed, turns):
 @given(seeds())
 def test_the_order_of_estimates_of_one_time_does_not_matter(seed):
     rng = np.random.default_rng(seed)
-    both = [
-        {c: noisy(rng, T0, drawn(rng), 100_000 * k) for c in ("rgb", "event", "third")} for k in range(5)
-    ]
+    both = [{c: noisy(rng, T0, drawn(rng), 100_000 * k) for c in ("rgb", "event", "third")} for k in range(5)]
     one, other = Fusion(PERIOD), Fusion(PERIOD)
     for some in both:
         one.add(some)
@@ -191,13 +189,15 @@ def test_true_poses_lie_where_the_covariance_says():
     rng, motion, dt = np.random.default_rng(5), Motion(correlation_s=0), 0.05
     inside = []
     for _ in range(60):
-        rate = np.concatenate([motion.speed_m_s * rng.standard_normal(3), motion.rate_rad_s * rng.standard_normal(3)])
+        spread = np.repeat([motion.speed_m_s, motion.rate_rad_s], 3)
+        rate = spread * rng.standard_normal(6)
         T, filter_ = T0, Fusion(PERIOD, motion)
         density = np.repeat([motion.acceleration_m, motion.acceleration_rad], 3)
         for k in range(20):
             filter_.add({("rgb", "event")[k % 2]: noisy(rng, T, LOOSE, int(1e6 * dt * k))})
             error = step_between(filter_.track.T_cam_port, T)
-            inside.append(error @ np.linalg.solve(filter_.track.covariance[:6, :6], error) < chi2.ppf(0.95, 6))
+            P = filter_.track.covariance[:6, :6]
+            inside.append(error @ np.linalg.solve(P, error) < chi2.ppf(0.95, 6))
             for _ in range(10):
                 rate = rate + density * np.sqrt(dt / 10) * rng.standard_normal(6)
                 T = moved(T, rate * dt / 10)

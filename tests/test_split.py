@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 import tune_fusion
 
-from lmmap import accuracy, dataset, photometry
-from lmmap.core import PAPER
+from lmmap import dataset, photometry, study, tracking
 from lmmap.fusion import Motion
 from lmmap.laboratory import sequence
 from lmmap.results import DATA, load_json
@@ -27,7 +26,7 @@ FUSION = DATA / "results" / "fusion"
 @pytest.mark.parametrize("names", TUNED_ON.values(), ids=TUNED_ON)
 def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
     assert all(name.startswith(("realistic-", "augmented-")) for name in names)
-    judged = {name for profile in ("quick", "paper") for name in accuracy.sequences_of(profile)}
+    judged = {name for profile in ("quick", "paper") for name in study.sequences_of(profile)}
     assert all(name.startswith(("test-", "hard-", "empty-")) for name in judged)
     assert not judged & set(names)
 
@@ -52,9 +51,8 @@ def test_the_constants_are_the_scripts_choice():
     grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
     best = grid.loc[grid.score.idxmax()]
     assert asdict(Motion()) == pytest.approx(choices["motion"])
-    assert {name: best[name] for name in ("acceleration_m", "acceleration_rad", "correlation_s")}.items() <= asdict(
-        Motion()
-    ).items()
-    assert choices["max_position_sigma_m"] == PAPER.max_position_sigma_m
-    assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(PAPER.max_normal_sigma_rad)
+    for name in ("acceleration_m", "acceleration_rad", "correlation_s"):
+        assert getattr(Motion(), name) == best[name]
+    assert choices["max_position_sigma_m"] == tracking.MAX_POSITION_SIGMA_M
+    assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(tracking.MAX_NORMAL_SIGMA_RAD)
     assert Path(FUSION / "grid.provenance.json").exists()

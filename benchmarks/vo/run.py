@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from lmmap import accuracy, odometry, simulation, vo
+from lmmap import odometry, simulation, study, vo
 from lmmap.core import Port, Trajectory
 from lmmap.pipeline import Estimator, estimate
 from lmmap.recordings import open_recording
@@ -53,7 +53,7 @@ def kept(path: Path, mark: str, make) -> bool:
 
 def prepare(name: str, seconds: float, folder: Path) -> str:
     """Simulate and export a sequence; returns a hash of the recording and of the images."""
-    mark = fingerprint(name, str(seconds), patterns=accuracy.BENCH)
+    mark = fingerprint(name, str(seconds), patterns=study.BENCH)
     path = folder / f"{name}.npz"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulation.record(name, seconds, path))

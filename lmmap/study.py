@@ -1,0 +1,169 @@
+"""The accuracy study itself: the bench's test, hard and empty sequences recorded, estimated and tabulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import joblib
+import pandas as pd
+
+from . import sequences
+from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, compare, coverage, errors, saturation, summary
+from .claims import claims
+from .core import PAPER, Estimate, Port, Recording
+from .filters import shipped_gaps
+from .fusion import fuse
+from .pipeline import Estimator, estimate, in_time
+from .quality import filter_quality
+from .recordings import open_recording, read_estimates, write_npz
+from .results import DATA, DERIVED, fingerprint, save_json, save_table
+from .trajectories import write_estimates
+
+BENCH = [
+    f"lmmap/{name}.py"
+    for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
+]
+EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
+PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
+DRAWS = 1000
+
+
+def sequences_of(profile: str) -> list[str]:
+    """The names of a profile's sequences."""
+    tests = [f"test-{light}" for light in LIGHTS]
+    return [*tests, "hard-slow", "hard-reflect", *(f"empty-{k}" for k in range(EMPTY[profile]))]
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)
+
+
+def reproduce(profile: str, report=_print, jobs: int = 1) -> None:
+    """Simulate and estimate every sequence of a profile, and tabulate errors, intervals and claims.
+
+    Each recording, each modality's estimates and each sequence's results are kept as soon as they are done,
+    under a fingerprint of what made them, so that an interrupted run goes on and a second run has nothing to
+    do.  The paper profile's tables are copied to `PUBLISHED`.
+
+    Parameters
+    ----------
+    jobs
+        Sequences at once.  One of 210 s asks for up to 12 GB of memory.
+    """
+    folder, mark = DERIVED / profile, fingerprint(profile)
+    folder.mkdir(parents=True, exist_ok=True)
+    names = sequences_of(profile)
+    waiting = [name for name in names if not _holds(folder / f"{name}.done", mark)]
+    for name in names:
+        if name not in waiting:
+            report(f"{name}: up to date")
+    tasks = (joblib.delayed(_sequence)(name, profile, folder, mark, report) for name in waiting)
+    for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+        pass
+    if waiting or not _holds(folder / "tables.done", mark):
+        _tabulate(profile, folder)
+        (folder / "tables.done").write_text(mark)
+
+
+def _tests(profile: str, light: str) -> list[str]:
+    return [name for name in sequences_of(profile) if name.startswith(f"test-{light}")]
+
+
+def label(name: str, modality: str, gap: str) -> str:
+    """Of a sequence's files; low-domain-gap weights are the default, and go without saying."""
+    return f"{name}-{modality}" + ("-high-gap" if gap == "high" else "")
+
+
+def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
+    seconds = sequences.SECONDS[profile][kind := name.split("-")[0]]
+    recording = _recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
+    port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
+    for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
+        found = {m: _estimates(recording, m, gap, rate_hz, folder, mark, report) for m in MODALITIES}
+        found["fused"] = list(fuse(in_time(found), port.yaw_period_rad, rate_hz))
+        write_estimates(found["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
+        for modality, some in found.items():
+            if recording.truth is not None:
+                table = errors(recording, some, port)
+                save_table(folder / f"errors-{label(name, modality, gap)}.csv", table, profile=profile)
+    if kind == "test":
+        fits = pd.concat([filter_quality(recording, gap) for gap in shipped_gaps()])
+        save_table(folder / f"filters-{name}.csv", fits, profile=profile)
+    if recording.truth is not None:
+        shares_percent = saturation(recording, port)
+        save_table(folder / f"saturation-{name}.csv", shares_percent, profile=profile)
+        values = shares_percent[["low", "high"]].mean().to_dict()
+        save_json(folder / f"saturation-{name}.json", values, profile=profile)
+    (folder / f"{name}.done").write_text(mark)
+
+
+def _recorded(name: str, seconds: float, folder: Path, report) -> Recording:
+    """The sequence's recording, simulated unless the one kept is of the same bench and length."""
+    path, made_of = folder / f"{name}.npz", folder / f"{name}.simulated"
+    mark = fingerprint(name, str(seconds), patterns=BENCH)
+    if not (path.exists() and _holds(made_of, mark)):
+        report(f"{name}: simulating {seconds:.0f} s")
+        write_npz(sequences.simulate(name, seconds), path)
+        made_of.write_text(mark)
+    return open_recording(path)
+
+
+def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path, mark: str,
+               report) -> list[Estimate]:  # fmt: skip
+    name = label(recording.name, modality, gap)
+    path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
+    if not (path.exists() and _holds(done, mark)):
+        estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
+        write_estimates(found := list(estimate(recording, estimator, rate_hz)), path)
+        poses = sum(e.T_cam_port is not None for e in found)
+        report(f"{name}: {poses} poses in {len(found)} images")
+        done.write_text(mark)
+    return read_estimates(path)
+
+
+def _tabulate(profile: str, folder: Path) -> None:
+    """Tables of the whole profile: cells with intervals, coverage of the covariances, counts, claims."""
+    cells, covered, counted = [], [], []
+    for light in LIGHTS:
+        names = _tests(profile, light)
+        for gap in DOMAIN_GAPS:
+            for modality in (*MODALITIES, "fused"):
+                tables = [pd.read_csv(folder / f"errors-{label(n, modality, gap)}.csv") for n in names]
+                where = {"light": light, "modality": modality, "training": f"{gap}-domain-gap"}
+                cell = summary(tables, DRAWS)
+                if modality == "fused":
+                    cell = cell[cell.variant == "exact"].replace({"variant": {"exact": "fused"}})
+                cells.append(cell.assign(**where))
+                covered.append({**where, **coverage(tables, DRAWS)})
+    for name in sequences_of(profile):
+        for modality in (*MODALITIES, "fused"):
+            found = read_estimates(folder / f"estimates-{name}-{modality}.csv")
+            counted.append({
+                "sequence": name, "modality": modality, "images": len(found),
+                "ellipses": sum(e.ellipse is not None for e in found),
+                "poses": sum(e.T_cam_port is not None for e in found),
+            })  # fmt: skip
+    saturated = pd.concat(_saturated(profile, folder, light) for light in LIGHTS)
+    tables = {"summary": pd.concat(cells), "coverage": pd.DataFrame(covered),
+              "counts": pd.DataFrame(counted), "saturation": saturated}  # fmt: skip
+    for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
+        for name, table in tables.items():
+            save_table(target / f"{name}.csv", table, profile=profile, draws=DRAWS, block_s=BLOCK_S)
+        rows = claims(compare(target), tables["counts"], tables["saturation"])
+        save_table(target / "claims.csv", rows, profile=profile)
+
+
+def _saturated(profile: str, folder: Path, light: str) -> pd.DataFrame:
+    """Mean saturation in a light, and its rank correlation with the position error over RGB frames."""
+    names = _tests(profile, light)
+    frames = [pd.read_csv(folder / f"saturation-{n}.csv") for n in names]
+    errors_of = [pd.read_csv(folder / f"errors-{n}-rgb.csv") for n in names]
+    both = pd.concat([f.merge(e, on="t_us") for f, e in zip(frames, errors_of, strict=True)])
+    frames = pd.concat(frames)
+    rank = (both.low + both.high).corr(both.position_error_m, method="spearman")
+    means = frames[["low", "high"]].mean()
+    return pd.DataFrame([{"light": light, **means, "rank_correlation": rank}])
+
+
+def _holds(path: Path, mark: str) -> bool:
+    return path.exists() and path.read_text() == mark
