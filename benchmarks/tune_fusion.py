@@ -1,4 +1,4 @@
-"""Chooses what `fusion.Motion` assumes and where `tracking.certain` draws its line, on sequences that neither
+"""Chooses what `motion.Motion` assumes and where `tracking.certain` draws its line, on sequences that neither
 train nor test anything.
 
     python benchmarks/tune_fusion.py
@@ -21,9 +21,10 @@ from tqdm import tqdm
 
 from lmmap import sequences
 from lmmap.core import Port, Status
-from lmmap.fusion import Motion, fuse
+from lmmap.fusion import fuse
 from lmmap.geometry import in_view
 from lmmap.metrics import normal_error_rad, pose_difference, position_error_m
+from lmmap.motion import Motion
 from lmmap.pipeline import Estimator, estimate, in_time, true_poses
 from lmmap.recordings import open_recording, read_estimates, write_estimates, write_npz
 from lmmap.results import DATA, DERIVED, fingerprint, save_json, save_table

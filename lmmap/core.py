@@ -278,8 +278,10 @@ class Estimate:
     margin: float = 0.0  # how much better the normal explains the markers than the rival's, in [0, 1]
     tilt_sigmas: float = 0.0  # distance of the ring from head-on, in its own standard deviations
     covariance: np.ndarray | None = (
-        None  # (6, 6) of x, y, z (m), rotation (rad), camera's axes: `uncertainty`
+        None  # (6, 6) of x, y, z (m), rotation (rad), camera's axes: `uncertainty`; or of ``ring``
     )
+    ring: Pose | None = None  # without markers: the circle's pose, its yaw unknown
+    twin: Pose | None = None  # and its other pose
 
 
 @dataclass(frozen=True)

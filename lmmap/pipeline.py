@@ -80,8 +80,11 @@ class Estimator:
         reflectors = self.find_reflectors(image, candidates)
         best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.camera, self.settings)
         if best.score < self.settings.min_marker_score:
-            return Estimate(t_us, Status.NO_MARKERS, ellipse=fitted, arc_coverage=coverage,
-                            marker_score=best.score)  # fmt: skip
+            unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
+            known = self.ring_uncertainty(candidates[0], ring, unknown_rad)
+            return Estimate(t_us, Status.NO_MARKERS, ring=candidates[0], twin=candidates[1], ellipse=fitted,
+                            arc_coverage=coverage, marker_score=best.score,
+                            covariance=known.covariance)  # fmt: skip
         paper = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
         return Estimate(t_us, Status.OK, T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
@@ -90,10 +93,7 @@ class Estimator:
     def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
         """Pose with its covariance (6, 6), refined on ring and markers where the settings and enough of
         the markers' edges allow it; and the ring's distance from head-on, in standard deviations."""
-        sigma_px = max(ring.sigma_px, MIN_SIGMA_PX) * np.sqrt(uncertainty.INFLATION[self.modality])
-        known = uncertainty.pose_uncertainty(
-            best.T_cam_port, ring.points_px, sigma_px, self.port.ring_radius_m, self.camera, best.sigma_rad
-        )
+        known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
         if self.settings.refine_jointly:
             marker_sigma_px = joint.MARKER_SIGMA_PX[self.modality]
             both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
@@ -101,6 +101,17 @@ class Estimator:
             if both is not None:
                 return both.T_cam_port, both.covariance, known.tilt_sigmas
         return best.T_cam_port, known.covariance, known.tilt_sigmas
+
+    def sigma_px(self, ring: Contour) -> float:
+        """Standard deviation of a contour's point, as if all were independent."""
+        return max(ring.sigma_px, MIN_SIGMA_PX) * np.sqrt(uncertainty.INFLATION[self.modality])
+
+    def ring_uncertainty(self, T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float):
+        """`uncertainty.Uncertainty` of a circle's pose by its contour."""
+        return uncertainty.pose_uncertainty(
+            T_cam_port, ring.points_px, self.sigma_px(ring), self.port.ring_radius_m, self.camera,
+            yaw_sigma_rad,
+        )  # fmt: skip
 
     def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
         """The ring's contour, free of lens distortion, and its arc coverage; or why there is none."""

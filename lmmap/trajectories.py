@@ -23,10 +23,11 @@ CERTAINTY = ("margin", "tilt_sigmas")
 AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance, see `uncertainty`: m and rad, camera's axes
 UPPER = np.triu_indices(6)
 COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
-PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_"}  # poses of an `Estimate`
+PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_", "ring": "ring_", "twin": "twin_"}
 COLUMNS = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
 COLUMNS += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
 COLUMNS += [*CERTAINTY, *COVARIANCE]
+COLUMNS += [prefix + name for prefix in ("ring_", "twin_") for name in POSE]
 
 
 @contextmanager

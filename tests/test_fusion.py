@@ -12,8 +12,9 @@ from strategies import PORT, pose, seeds
 
 from lmmap import fusion
 from lmmap.core import Estimate, Pose, Status
-from lmmap.fusion import Fusion, Motion, fuse
+from lmmap.fusion import Fusion, fuse
 from lmmap.geometry import rotation_between_rad, rotation_z
+from lmmap.motion import Motion
 
 PERIOD = PORT.yaw_period_rad
 STILL = Motion(acceleration_m=1e-9, acceleration_rad=1e-9, correlation_s=0, speed_m_s=1e-9, rate_rad_s=1e-9)
@@ -229,3 +230,46 @@ def test_misuse_is_named():
     filter_.add({"rgb": seen(10)})
     with pytest.raises(ValueError, match="t_us: expected 10 or later"):
         filter_.at(5)
+
+
+def ring_only(t_us, T=T0, S=LOOSE, twin=None):
+    turned = Pose(T.rotation @ rotation_z(1.0), T.position_m)  # its yaw means nothing
+    return Estimate(t_us, Status.NO_MARKERS, ring=turned, twin=twin, covariance=S)
+
+
+def test_a_ring_corrects_all_but_the_yaw():
+    n, S = T0.normal, np.diag([2e-3] * 3 + [0.02] * 3) ** 2
+    tilted = moved(T0, np.array([1e-3, 0, 2e-3, *(0.01 * np.cross(n, [0, 0, 1.0]))]))
+    filter_ = Fusion(PERIOD, STILL)
+    filter_.add({"rgb": seen(0, S=S)})
+    filter_.add({"event": ring_only(1000, tilted, S)})
+    answer = filter_.at(1000)
+    step = step_between(T0, answer.T_cam_port)
+    assert n @ answer.covariance[3:, 3:] @ n == pytest.approx(0.02**2, rel=1e-3)
+    assert step[3:] @ n == pytest.approx(0, abs=1e-4)
+    np.testing.assert_allclose(step[:3], [0.5e-3, 0, 1e-3], atol=1e-5)
+    assert np.arccos(answer.T_cam_port.normal @ tilted.normal) < 0.7 * np.arccos(n @ tilted.normal)
+
+
+def test_of_a_rings_two_poses_the_nearer_counts_and_none_begins_a_track():
+    far = moved(T0, np.array([0, 0, 0, np.deg2rad(30), 0, 0]))
+    filter_ = Fusion(PERIOD)
+    filter_.add({"event": ring_only(0)})
+    assert filter_.at(0).status == Status.NO_MARKERS
+    filter_.add({"rgb": seen(100_000)})
+    filter_.add({"event": ring_only(200_000, far, twin=T0)})
+    assert filter_.track.seen_us["event"] == 200_000
+    assert np.rad2deg(np.arccos(min(1, filter_.at(200_000).T_cam_port.normal @ T0.normal))) < 0.1
+
+
+def test_rings_alone_keep_the_track_until_the_yaw_is_a_guess():
+    filter_, answers = Fusion(PERIOD), []
+    filter_.add({"rgb": seen(0)})
+    for k in range(1, 100):
+        filter_.add({"event": ring_only(100_000 * k)})
+        answers.append(filter_.at(100_000 * k))
+    statuses = [e.status for e in answers]
+    assert statuses[:10] == [Status.OK] * 10 and statuses[-1] == Status.NO_MARKERS
+    assert statuses == sorted(statuses, key=[Status.OK, Status.NO_MARKERS].index)
+    filter_.add({"rgb": seen(10_000_000)})
+    assert filter_.at(10_000_000).status == Status.OK

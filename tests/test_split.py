@@ -10,8 +10,8 @@ import pytest
 import tune_fusion
 
 from lmmap import dataset, photometry, study, tracking
-from lmmap.fusion import Motion
 from lmmap.laboratory import sequence
+from lmmap.motion import Motion
 from lmmap.results import DATA, load_json
 
 TUNED_ON = {
