@@ -1,8 +1,8 @@
 """The laboratory's sequences, each from its name alone: who moves how, under which lamps, on what skin.
 
 ``augmented-N`` (covers that are no satellite's), ``realistic-N`` (film, training), ``test-low``,
-``test-medium``, ``test-high`` (one unseen trajectory, three levels of light), ``hard-slow``,
-``hard-reflect``, ``empty-N`` (no port).
+``test-medium``, ``test-high`` (one unseen trajectory, three levels of light; ``test-low-1`` and so on are of
+another one), ``hard-slow``, ``hard-reflect``, ``empty-N`` (no port).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from . import materials, scene, shading
 from .core import Camera, InputError, Port, Pose
 
-KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)|hard-(slow|reflect)")
+KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)(?:-\d+)?|hard-(slow|reflect)")
 COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
 # radiant intensities, the colocated lamp's being 1, and radiance to full scale of both sensors: one exposure
 # for every light; the result of `lmmap photometry`
@@ -40,8 +40,8 @@ class Sequence:
     wander: float = 1.0
 
     def rng(self, what: str) -> np.random.Generator:
-        """An independent stream per purpose; the three test sequences share theirs."""
-        group = "test" if self.name.startswith("test-") else self.name
+        """An independent stream per purpose; tests that differ in light only share theirs."""
+        group = re.sub("^test-(low|medium|high)", "test", self.name)
         return np.random.default_rng([zlib.crc32(group.encode()), zlib.crc32(what.encode())])
 
 
@@ -51,7 +51,7 @@ def sequence(name: str) -> Sequence:
     if not match:
         raise InputError(
             f"sequence {name!r} is unknown: use augmented-N, realistic-N, test-low, test-medium, test-high, "
-            "hard-slow, hard-reflect or empty-N"
+            "test-low-N and so on, hard-slow, hard-reflect or empty-N"
         )
     kind, number, level, hard = match.groups()
     if level:

@@ -23,6 +23,7 @@ BENCH = [
     f"lmmap/{name}.py"
     for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
 ]
+TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
 PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
 DRAWS = 1000
@@ -30,7 +31,9 @@ DRAWS = 1000
 
 def sequences_of(profile: str) -> list[str]:
     """The names of a profile's sequences."""
-    tests = [f"test-{light}" for light in LIGHTS]
+    tests = [
+        f"test-{light}" + (f"-{k}" if k else "") for k in range(TRAJECTORIES[profile]) for light in LIGHTS
+    ]
     return [*tests, "hard-slow", "hard-reflect", *(f"empty-{k}" for k in range(EMPTY[profile]))]
 
 

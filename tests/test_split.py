@@ -40,10 +40,11 @@ def test_training_and_test_move_differently():
     """Sequences of other names have other motions; the three tests share theirs."""
     drawn = {
         name: tuple(sequence(name).rng("motion").uniform(size=4))
-        for name in (*tune_fusion.SEQUENCES, "test-low", "test-high", "hard-slow", "hard-reflect")
+        for name in (*tune_fusion.SEQUENCES, *study.sequences_of("paper"))
     }
-    assert drawn["test-low"] == drawn["test-high"]
-    assert len(set(drawn.values())) == len(drawn) - 1
+    for k in ("", "-1", "-2"):  # a trajectory under three lights
+        assert len({drawn[f"test-{light}{k}"] for light in ("low", "medium", "high")}) == 1
+    assert len(set(drawn.values())) == len(drawn) - 3 * 2
 
 
 def test_the_constants_are_the_scripts_choice():
