@@ -139,11 +139,12 @@ def _estimate_fused(a, stream: Stream) -> None:
 
 def _kept(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
-    for t_us, image in pipeline.images(stream, estimator.modality, estimator.settings, rate_hz):
-        if not journal.has(t_us):
-            one = estimator(image, t_us)
-            journal.add(one)
-        yield journal.done[t_us] if t_us in journal.done else as_read(one)
+    shots = pipeline.images(stream, estimator.modality, estimator.settings, rate_hz)
+    yield from journal.done.values()
+    left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+    for _, one in pipeline.answered(left, estimator):
+        journal.add(one)
+        yield as_read(one)
 
 
 def _told(a, journal: Journal, kept: int, stopped: bool) -> None:
@@ -185,7 +186,7 @@ def evaluate(a) -> None:
     if not report:
         raise InputError(f"{a.recording}: holds no data that its truth covers; check the truth's times")
     if a.json:
-        keys = ["outlier_filter", "metric", "formula", "statistic"]
+        keys = ["outlier_filter", "metric", "variant", "statistic"]
         rows = {m: t.set_index(keys)["value"].replace({np.nan: None}) for m, t in tables.items()}
         named = {m: {"/".join(k): v for k, v in values.items()} for m, values in rows.items()}
         known = {m: {k: None if np.isnan(v) else v for k, v in report[m].items()} for m in report}
@@ -194,7 +195,7 @@ def evaluate(a) -> None:
     print(f"{'':40}" + "".join(f"{m:>10}" for m in report))
     for name in next(iter(report.values())):
         print(f"{name.replace('_', ' '):40}" + "".join(_cell(report[m][name]) for m in report))
-    wanted = next(iter(tables.values())).query("formula == 'exact' and outlier_filter == 'with'")
+    wanted = next(iter(tables.values())).query("variant == 'exact' and outlier_filter == 'with'")
     for k, line in wanted.iterrows():
         scale, unit = (1e3, "mm") if line.metric.endswith("_m") else (1, line.metric.rsplit("_", 1)[1])
         name = f"with outlier filter: {line.metric.rsplit('_', 1)[0]} {line.statistic} {unit}"
