@@ -21,7 +21,7 @@ unexport JUPYTER_PATH PYTHONPATH
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce test lint book serve lab train bench vo clean
+.PHONY: help env reproduce evaluate test lint book serve lab train bench vo clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ $(STAMP): environment.txt pyproject.toml
 
 reproduce: book  ## simulate, estimate, make all tables and figures, build the book
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
+
+evaluate: env  ## make the accuracy study's results alone, resumable (PROFILE=paper takes hours; JOBS=2: two sequences at once)
+	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --jobs $(or $(JOBS),1)
 
 ORACLES := .venv/.oracles
 

@@ -1,0 +1,46 @@
+"""Worst and missed answers are found, and drawn where their images are."""
+
+import numpy as np
+import pandas as pd
+
+from lmmap import gallery
+from lmmap.core import Estimate, Status
+from lmmap.pipeline import images
+from lmmap.recordings import open_recording, read_estimates, write_estimates, write_npz
+from lmmap.results import DATA
+
+LABELS = {"mini-rgb": ("mini", "rgb"), "mini-event": ("mini", "event")}
+
+
+def folder_of(tmp_path):
+    """A recording, made-up errors and statuses at its images' times."""
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    write_npz(recording, tmp_path / "mini.npz")
+    for k, (label, (_, modality)) in enumerate(LABELS.items()):
+        times = [t_us for t_us, _ in images(recording, modality, rate_hz=5)]
+        truth = recording.truth.at(np.array(times))
+        found = [
+            Estimate(t, Status.OK, truth[i]) if i % 2 else Estimate(t, Status.NO_RING)
+            for i, t in enumerate(times)
+        ]
+        write_estimates(found, tmp_path / f"estimates-{label}.csv")
+        error = [0.001 * i + 0.1 * k if i % 2 else np.nan for i in range(len(times))]
+        table = pd.DataFrame({"t_us": times, "status": "ok", "in_view": True, "position_error_m": error})
+        table.loc[1, "in_view"] = False
+        table.to_csv(tmp_path / f"errors-{label}.csv", index=False)
+    return tmp_path
+
+
+def test_worst_come_first_and_misses_are_spread(tmp_path):
+    folder = folder_of(tmp_path)
+    worst, missed = gallery.worst(folder, LABELS, 3), gallery.missed(folder, LABELS, 2)
+    assert worst.position_error_m.is_monotonic_decreasing and len(worst) == 3
+    assert worst.modality.iloc[0] == "event" and worst.in_view.all()
+    assert missed.position_error_m.isna().all() and missed.label.tolist() == ["mini-rgb", "mini-event"]
+    assert gallery.missed(folder, LABELS, 100).label.value_counts().min() > 1
+
+    rows = pd.concat([worst, missed])
+    fig = gallery.draw(rows, folder, 5.0, columns=3)
+    titles = [ax.get_title() for ax in fig.axes if ax.images]
+    assert len(titles) == 5 and sum("no_ring" in title for title in titles) == 2
+    assert len(read_estimates(folder / "estimates-mini-rgb.csv")) > 5
