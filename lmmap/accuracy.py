@@ -117,6 +117,19 @@ def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
             "low": low, "high": high}  # fmt: skip
 
 
+def versus(one: pd.DataFrame, other: pd.DataFrame, metric: str, draws: int, seed: int = 0) -> dict:
+    """How much larger the median of ``metric`` is in ``one`` than in ``other``, two tables of `errors` of one
+    sequence, over images of both at nearly the same time (50 ms), with its 95 % interval."""
+    left, right = (t[["t_us", metric]].dropna() for t in (one, other))
+    both = pd.merge_asof(left, right, on="t_us", direction="nearest", tolerance=50_000).dropna()
+    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
+    lengths = [len(both)] if len(both) else []
+    counts = resampling.block_counts(lengths, block, draws, rng)
+    a, b = both[f"{metric}_x"], both[f"{metric}_y"]
+    low, high = resampling.interval(resampling.medians(a, counts) - resampling.medians(b, counts))
+    return {"difference": a.median() - b.median(), "low": low, "high": high, "images": len(both)}
+
+
 def _percents(found, among, counts):
     return 100 * resampling.shares(found, among, counts)
 

@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from . import commands as work
 from . import photometry, sequences, simulation, study, vo
-from .core import Camera, InputError
+from .core import PAPER, Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recordings import WRITERS
 from .results import DERIVED, profile, save_json
@@ -225,4 +225,8 @@ def train(a) -> None:
 
 
 def reproduce(a) -> None:
-    study.reproduce(a.profile, jobs=a.jobs)
+    changed = study.reproduce(a.profile, jobs=a.jobs)
+    if changed and a.profile == "paper":
+        from . import gallery  # matplotlib takes a second to import
+
+        gallery.publish(DERIVED / a.profile, study.PUBLISHED, study.labels_of(a.profile), PAPER.rate_hz)

@@ -38,6 +38,17 @@ def missed(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) ->
     return every.iloc[np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).astype(int))]
 
 
+def publish(folder: Path, target: Path, labels: dict[str, tuple[str, str]], rate_hz: float) -> None:
+    """Pictures of the worst and of missed answers as JPEG into ``target``, for who has not the recordings."""
+    for name, rows in (("worst", worst(folder, labels)), ("missed", missed(folder, labels))):
+        path = target / f"{name}.jpg"
+        path.unlink(missing_ok=True)
+        if len(rows):
+            fig = draw(rows, folder, rate_hz)
+            fig.savefig(path, dpi=110, facecolor="white")
+            plt.close(fig)
+
+
 def _in_view(folder: Path, labels) -> pd.DataFrame:
     tables = [
         pd.read_csv(folder / f"errors-{label}.csv").assign(sequence=name, modality=modality, label=label)

@@ -7,7 +7,7 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from . import sequences
+from . import sequences, simulation
 from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, compare, coverage, errors, saturation, summary
 from .claims import claims
 from .core import PAPER, Estimate, Port, Recording
@@ -15,7 +15,7 @@ from .filters import shipped_gaps
 from .fusion import fuse
 from .pipeline import Estimator, estimate, in_time
 from .quality import filter_quality
-from .recordings import open_recording, read_estimates, write_npz
+from .recordings import open_recording, read_estimates
 from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .trajectories import write_estimates
 
@@ -41,7 +41,7 @@ def _print(line: str) -> None:
     print(line, flush=True)
 
 
-def reproduce(profile: str, report=_print, jobs: int = 1) -> None:
+def reproduce(profile: str, report=_print, jobs: int = 1) -> bool:
     """Simulate and estimate every sequence of a profile, and tabulate errors, intervals and claims.
 
     Each recording, each modality's estimates and each sequence's results are kept as soon as they are done,
@@ -52,6 +52,11 @@ def reproduce(profile: str, report=_print, jobs: int = 1) -> None:
     ----------
     jobs
         Sequences at once.  One of 210 s asks for up to 12 GB of memory.
+
+    Returns
+    -------
+    bool
+        Whether anything was to be done.
     """
     folder, mark = DERIVED / profile, fingerprint(profile)
     folder.mkdir(parents=True, exist_ok=True)
@@ -63,13 +68,21 @@ def reproduce(profile: str, report=_print, jobs: int = 1) -> None:
     tasks = (joblib.delayed(_sequence)(name, profile, folder, mark, report) for name in waiting)
     for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
         pass
-    if waiting or not _holds(folder / "tables.done", mark):
-        _tabulate(profile, folder)
-        (folder / "tables.done").write_text(mark)
+    if not waiting and _holds(folder / "tables.done", mark):
+        return False
+    _tabulate(profile, folder)
+    (folder / "tables.done").write_text(mark)
+    return True
 
 
 def _tests(profile: str, light: str) -> list[str]:
     return [name for name in sequences_of(profile) if name.startswith(f"test-{light}")]
+
+
+def labels_of(profile: str) -> dict[str, tuple[str, str]]:
+    """``(sequence, modality)`` by label, of the test with low-domain-gap weights."""
+    names = [name for light in LIGHTS for name in _tests(profile, light)]
+    return {label(name, m, "low"): (name, m) for name in names for m in MODALITIES}
 
 
 def label(name: str, modality: str, gap: str) -> str:
@@ -106,7 +119,7 @@ def _recorded(name: str, seconds: float, folder: Path, report) -> Recording:
     mark = fingerprint(name, str(seconds), patterns=BENCH)
     if not (path.exists() and _holds(made_of, mark)):
         report(f"{name}: simulating {seconds:.0f} s")
-        write_npz(sequences.simulate(name, seconds), path)
+        simulation.record(name, seconds, path)
         made_of.write_text(mark)
     return open_recording(path)
 
