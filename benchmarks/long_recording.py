@@ -28,7 +28,10 @@ class Tiled:
 
     def __init__(self, recording, seconds: float):
         self.name, self.camera, self.truth = recording.name, recording.camera, None
-        self._events, self._frames = recording.events[np.arange(len(recording.events)) % 3 > 0], recording.frames[::4]
+        self._events, self._frames = (
+            recording.events[np.arange(len(recording.events)) % 3 > 0],
+            recording.frames[::4],
+        )
         self._t_us = recording.frames_t_us[::4]
         self._period_us = int(recording.events["t_us"][-1] - recording.events["t_us"][0]) + 1
         self.times = round(seconds * 1e6 / self._period_us)
