@@ -27,6 +27,7 @@ GUESSES, SUBSET, BLOCKS = 1500, 80, 10
 CUT = chi2.ppf(0.999, 6)  # squared distance, in standard deviations, from which a detection has no weight
 STEP_US = 20_000  # over which the arm's velocity is measured
 MOST_M, MOST_RAD = 0.05, np.deg2rad(5.0)  # a transform known worse than this is not known
+PRIOR = np.array([0.5, 0.1])  # of log(scale) and delay (s): so wide that it counts only where nothing else does
 
 
 @dataclass(frozen=True)
@@ -70,17 +71,18 @@ class _Problem:
         A = Pose(turn @ self.arm.rotation[rows], self.arm.position_m[rows] + twist[:, :3])
         T = X @ A @ Y
         seen = self.detected.rotation[rows, None] @ self.turns
-        between = Rotation.from_matrix(
-            (seen @ np.swapaxes(T.rotation, -1, -2)[:, None]).reshape(-1, 3, 3)
-        ).as_rotvec()
-        between = between.reshape(*seen.shape[:2], 3)
-        nearest = np.argmin(np.linalg.norm(between, axis=-1), 1)
-        rotation = between[np.arange(len(nearest)), nearest]
+        nearest = np.argmax(np.einsum("nkij,nij->nk", seen, T.rotation), 1)
+        chosen = np.take_along_axis(seen, nearest[:, None, None, None], 1)[:, 0]
+        rotation = rotation_vector(chosen @ np.swapaxes(T.rotation, -1, -2))
         return self.detected.position_m[rows] - T.position_m * np.exp(-x[12]), rotation
 
     def residuals(self, x, rows=slice(None)) -> np.ndarray:
         """Whitened, (M, 6)."""
         return np.einsum("nij,nj->ni", self.whitener[rows], np.hstack(self.errors(x, rows)))
+
+    def stacked(self, x, rows, weight=1.0, variance: float = 1.0) -> np.ndarray:
+        """All residuals in one vector (6 M + 2,), the prior behind them."""
+        return np.concatenate([(weight * self.residuals(x, rows)).ravel(), np.sqrt(variance) * x[12:] / PRIOR])
 
     def fit(self, x, free, rows, rounds: int = 6):
         """Biweight fit from ``x``: the parameters, squared distances and weights (M,), and the Jacobian."""
@@ -89,7 +91,7 @@ class _Problem:
             variance = np.median(squared) / chi2.median(6)
             weight = np.clip(1 - squared / (variance * CUT), 0, None)  # its root is the residual's factor
             found = least_squares(
-                lambda y, w=weight: (w[:, None] * self.residuals(_put(x, free, y), rows)).ravel(),
+                lambda y, w=weight, v=variance, x=x: self.stacked(_put(x, free, y), rows, w[:, None], v),
                 x[free], x_scale="jac", max_nfev=8,
             )  # fmt: skip
             moved, x = np.abs(found.x - x[free]).max(), _put(x, free, found.x)
@@ -98,20 +100,49 @@ class _Problem:
         return x, variance, weight, found.jac
 
 
+def rotation_vector(R) -> np.ndarray:
+    """Rotation vectors (..., 3) of matrices (..., 3, 3): axis times angle; zero at exactly half a turn."""
+    sine = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]] / 2
+    length = np.linalg.norm(sine, axis=-1)
+    angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
+    return sine * (angle / np.maximum(length, 1e-12))[..., None]
+
+
 def _put(x, free, values) -> np.ndarray:
     y = x.copy()
     y[free] = values
     return y
 
 
-def solve(t_us, detected: Pose, arm: Trajectory, yaw_period_rad: float, covariance=None,
+@dataclass(frozen=True)
+class Along:
+    """An arm at N times: ``T_root_tip`` (N,), and its velocity (N, 6) in the root's axes, m/s and rad/s."""
+
+    T_root_tip: Pose
+    velocity: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.T_root_tip)
+
+
+def along(arm: Trajectory, t_us) -> Along:
+    """An arm's trajectory ``T_root_tip`` at times (N,) inside it."""
+    t_us = np.asarray(t_us, np.int64)
+    a, b = (np.clip(t_us + s, arm.t_us[0], arm.t_us[-1]) for s in (-STEP_US, STEP_US))
+    before, after, seconds = arm.at(a), arm.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
+    turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
+    velocity = np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
+    return Along(arm.at(t_us), velocity)
+
+
+def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
           T_cam_root: Pose | None = None) -> HandEye:  # fmt: skip
-    """Calibrate from detections ``T_cam_port`` (N,) at times inside the arm's, yaw modulo its period.
+    """Calibrate from detections ``T_cam_port`` (N,) in the order of time, yaw modulo its period.
 
     Parameters
     ----------
-    t_us, detected : (N,) times of the camera's clock, and poses; outliers and flips of yaw are expected
-    arm : ``T_root_tip`` by the arm's clock
+    detected : (N,); outliers and flips of yaw are expected
+    arm : at the detections' times by the camera's clock
     covariance : (N, 6, 6) of the detections as `Estimate` has it; default: all alike
     T_cam_root : where it is known; then only the rest is estimated
 
@@ -127,26 +158,25 @@ def solve(t_us, detected: Pose, arm: Trajectory, yaw_period_rad: float, covarian
     ValueError
         If the detections are too few, or the arm turns and moves too little for them to decide.
     """
-    t_us = np.asarray(t_us, np.int64)
-    if len(t_us) < 2 * BLOCKS:
-        raise ValueError(f"{len(t_us)} detections while the arm reports; at least {2 * BLOCKS} are needed")
+    if len(detected) < 2 * BLOCKS:
+        raise ValueError(f"{len(detected)} detections while the arm reports, {2 * BLOCKS} are needed")
     turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
     if covariance is None:
-        covariance = np.diag(np.repeat([SIGMA_M**2, SIGMA_RAD**2], 3))[None].repeat(len(t_us), 0)
+        covariance = np.diag(np.repeat([SIGMA_M**2, SIGMA_RAD**2], 3))[None].repeat(len(detected), 0)
     floor = np.diag(np.repeat([FLOOR_M**2, FLOOR_RAD**2], 3))
     whitener = np.linalg.inv(np.linalg.cholesky(np.asarray(covariance) + floor))
-    A, twist = arm.at(t_us), _twist(arm, t_us)
+    A, twist = arm.T_root_tip, arm.velocity
 
-    subset = np.unique(np.linspace(0, len(t_us) - 1, SUBSET).astype(int))
+    subset = np.unique(np.linspace(0, len(detected) - 1, SUBSET).astype(int))
     guesses = _guesses(detected[subset], A[subset], turns, T_cam_root)
     free = np.r_[np.arange(6 if T_cam_root else 0, 14)]
-    best, everything = None, np.arange(len(t_us))
+    best, everything = None, np.arange(len(detected))
     for X, Y, scale in guesses:
         problem = _Problem(detected, A, twist, whitener, turns, T_cam_root or X, Y)
         x = np.zeros(14)
         x[12] = np.log(scale)
         first = least_squares(
-            lambda y, p=problem, x=x: p.residuals(_put(x, free, y), subset).ravel(), x[free],
+            lambda y, p=problem, x=x: p.stacked(_put(x, free, y), subset), x[free],
             loss="cauchy", x_scale="jac", max_nfev=40,
         )  # fmt: skip
         if best is None or first.cost < best[0]:
@@ -154,19 +184,11 @@ def solve(t_us, detected: Pose, arm: Trajectory, yaw_period_rad: float, covarian
     _, problem, x = best
     x, variance, weight, jacobian = problem.fit(x, free, everything, 20)
     _check(jacobian, variance, free)
-    sigma, errors_m, errors_rad = _jackknife(problem, x, free, len(t_us))
+    sigma, errors_m, errors_rad = _jackknife(problem, x, free, len(detected))
     X, Y = problem.transforms(x)
     angle = [np.linalg.norm(Rotation.from_matrix(Y.rotation @ R).as_rotvec()) for R in turns]
     Y = Pose(Y.rotation @ turns[np.argmin(angle)], Y.position_m)
     return HandEye(X, Y, float(np.exp(x[12])), float(x[13]), sigma, weight > 0, errors_m, errors_rad)
-
-
-def _twist(arm: Trajectory, t_us) -> np.ndarray:
-    """The arm's velocity (N, 6) in the root's axes: m/s and rad/s."""
-    a, b = (np.clip(t_us + s, arm.t_us[0], arm.t_us[-1]) for s in (-STEP_US, STEP_US))
-    before, after, seconds = arm.at(a), arm.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
-    turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
-    return np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
 
 
 def _guesses(detected: Pose, A: Pose, turns, T_cam_root: Pose | None, most: int = 4) -> list:
@@ -183,12 +205,14 @@ def _guesses(detected: Pose, A: Pose, turns, T_cam_root: Pose | None, most: int 
     fixed = np.concatenate([-A.rotation, -np.broadcast_to(np.eye(3), (N, 3, 3))], -1)
     fixed = np.broadcast_to(fixed, (len(candidates), N, 3, 6))
     system = np.concatenate([fixed, seen[..., None]], -1).reshape(len(candidates), 3 * N, 7)
-    unknown = np.einsum("gij,j->gi", np.linalg.pinv(system, rcond=1e-6), A.position_m.ravel())
+    normal = np.swapaxes(system, 1, 2) @ system
+    ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(7)
+    unknown = np.linalg.solve(normal + ridge, (A.position_m.ravel() @ system)[..., None])[..., 0]
     missed = np.linalg.norm((system @ unknown[..., None])[..., 0].reshape(-1, N, 3) - A.position_m, axis=-1)
-    normal = np.einsum("nji,gkj,nk->gni", A.rotation, candidates, detected.normal)
-    mean = normal.mean(1)
+    in_tip = np.einsum("nji,gnj->gni", A.rotation, np.einsum("gkj,nk->gnj", candidates, detected.normal))
+    mean = in_tip.mean(1)
     mean = mean / np.linalg.norm(mean, axis=-1, keepdims=True)
-    tilt = np.arccos(np.clip(np.einsum("gni,gi->gn", normal, mean), -1, 1))
+    tilt = np.arccos(np.clip(np.einsum("gni,gi->gn", in_tip, mean), -1, 1))
     cost = np.median(missed, 1) / SIGMA_M + np.median(tilt, 1) / SIGMA_RAD
     cost[unknown[:, 6] <= 0.1] = np.inf
     found = []
@@ -221,7 +245,7 @@ def _jackknife(problem: _Problem, x, free, count: int):
     fits, errors_m, errors_rad = [], np.empty(count), np.empty(count)
     for block in np.array_split(np.arange(count), BLOCKS):
         others = np.setdiff1d(np.arange(count), block)
-        fits.append(problem.fit(x, free, others, 3)[0])
+        fits.append(problem.fit(x, free, others, 1)[0])
         for out, error in zip((errors_m, errors_rad), problem.errors(fits[-1], block), strict=True):
             out[block] = np.linalg.norm(error, axis=-1)
     fits = np.array(fits)
