@@ -46,7 +46,8 @@ def read(path: Path) -> Source:
         images = _topic(bag, path, IMAGES.__contains__)
         if not arrays and not images:
             raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
-        first = next(bag.messages(arrays or images), None)
+        arrays, images = (some if any(c.msgcount for c in some) else [] for some in (arrays, images))
+        first = next(bag.messages(arrays or images), None) if arrays or images else None
         if first is None:
             raise ValueError("no message in its topics")
         connection, _, raw = first

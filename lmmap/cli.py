@@ -13,7 +13,7 @@ from pathlib import Path
 import shtab
 from tqdm import tqdm
 
-from . import accuracy, photometry, sequences, simulation, vo
+from . import accuracy, field, photometry, sequences, simulation, vo
 from . import commands as work
 from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
@@ -86,15 +86,14 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     sub = command("simulate", simulate, "record sequences of the bench, with their ground truth beside them")
-    sub.add_argument(
-        "--sequence", nargs="+", required=True, metavar="NAME", help="test-low, realistic-3, ..."
-    )
+    sub.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
+    field.arguments(sub)
     sub.add_argument("--seconds", type=float, help="length (default: the profile's)")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default=profile())
     sub.add_argument("--camera", type=Path, help="calibration of another camera, distortion included")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once")
     sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the work")
-    sub.add_argument("-o", "--output", type=Path, required=True,
+    sub.add_argument("-o", "--output", type=Path,
                      help=f"FILE ending in {', '.join(WRITERS)}; {{}} stands for the sequence")  # fmt: skip
 
     sub = command("photometry", photometric, "calibrate exposure and lamps to the paper's saturation rows")
@@ -144,6 +143,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
 
     vo.register(command)
+    field.register(command)
     return parser
 
 
@@ -175,6 +175,11 @@ def _check_folder(path: Path) -> None:
 
 
 def simulate(a) -> None:
+    if a.as_published:
+        field.simulate(a)
+        return
+    if not (a.sequence and a.output):
+        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
     if a.output.suffix not in WRITERS:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
     if len(a.sequence) > 1 and "{}" not in a.output.name:

@@ -27,7 +27,9 @@ GUESSES, SUBSET, BLOCKS = 1500, 80, 10
 CUT = chi2.ppf(0.999, 6)  # squared distance, in standard deviations, from which a detection has no weight
 STEP_US = 20_000  # over which the arm's velocity is measured
 MOST_M, MOST_RAD = 0.05, np.deg2rad(5.0)  # a transform known worse than this is not known
-PRIOR = np.array([0.5, 0.1])  # of log(scale) and delay (s): so wide that it counts only where nothing else does
+PRIOR = np.array(
+    [0.5, 0.1]
+)  # of log(scale) and delay (s): so wide that it counts only where nothing else does
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,9 @@ class _Problem:
 
     def stacked(self, x, rows, weight=1.0, variance: float = 1.0) -> np.ndarray:
         """All residuals in one vector (6 M + 2,), the prior behind them."""
-        return np.concatenate([(weight * self.residuals(x, rows)).ravel(), np.sqrt(variance) * x[12:] / PRIOR])
+        return np.concatenate(
+            [(weight * self.residuals(x, rows)).ravel(), np.sqrt(variance) * x[12:] / PRIOR]
+        )
 
     def fit(self, x, free, rows, rounds: int = 6):
         """Biweight fit from ``x``: the parameters, squared distances and weights (M,), and the Jacobian."""

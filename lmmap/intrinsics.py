@@ -15,7 +15,7 @@ STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-4)
 
 
 def corners_px(frame: np.ndarray, corners: tuple[int, int]) -> np.ndarray | None:
-    """Inner corners (N, 2) of a board with ``corners`` (columns, rows) of them in a frame (H, W, 3) u8, or None."""
+    """Inner corners (N, 2) of a board in a frame (H, W, 3) u8, (columns, rows) of them; or None."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE + cv2.CALIB_CB_FAST_CHECK
     found, points = cv2.findChessboardCorners(grey, corners, flags=flags)
@@ -49,13 +49,20 @@ def calibrate(timed_frames: Iterable, corners: tuple[int, int], square_m: float,
             views.append(points.astype(np.float32))
             due_us = t_us + every_us
     if len(views) < LEAST:
-        raise ValueError(f"the whole board of {corners[0]} x {corners[1]} inner corners is seen in {len(views)} "
-                         f"views, {LEAST} are needed")  # fmt: skip
+        size = f"{corners[0]} x {corners[1]}"
+        raise ValueError(
+            f"the whole board of {size} inner corners is seen in {len(views)} views, {LEAST} are needed"
+        )
     views = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, MOST).astype(int))]
     board = np.zeros((corners[0] * corners[1], 3), np.float32)
     board[:, :2] = square_m * np.mgrid[: corners[0], : corners[1]].T.reshape(-1, 2)
     rms_px, K, D, *_, sigma, _, _ = cv2.calibrateCameraExtended(
-        [board] * len(views), views, size_px, None, None, flags=cv2.CALIB_FIX_K3  # no view decides it
+        [board] * len(views),
+        views,
+        size_px,
+        None,
+        None,
+        flags=cv2.CALIB_FIX_K3,  # no view decides it
     )
     values = [float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2])]
     camera = Camera(*map(int, size_px), *values, tuple(float(d) for d in D.ravel()[:4]))

@@ -34,7 +34,9 @@ WORDS = {"dark": "low", "normal": "medium", "light": "high", "mixed": "mixed"}
 LAMPS = re.compile(r"T(\d+)_RA_(\d+)_ES_([01])(?:_(\w+))?", re.I)
 ROLE = re.compile(r"(?:.*_)?(dark|light|mixed|normal)__(train|test|hard)", re.I)
 EMPTY, CALIBRATION = re.compile(r"no[_-]?port|empty", re.I), re.compile(r"calib|checker|chess", re.I)
-EXPECTED = "T1_RA_50_ES_1_NAME.bag, dark|light|mixed|normal__train|test|hard.bag, or a name with noport or calib"
+EXPECTED = (
+    "T1_RA_50_ES_1_NAME.bag, dark|light|mixed|normal__train|test|hard.bag, or a name with noport or calib"
+)
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,9 @@ def describe(path) -> Bag:
         words = f"{folder}/{stem}".lower()
         role = next((r for r in ("hard", "test") if r in words), "train")
     else:
-        raise InputError(f"{path}: its name says neither light nor purpose; name it as published ({EXPECTED})")
+        raise InputError(
+            f"{path}: its name says neither light nor purpose; name it as published ({EXPECTED})"
+        )
     textured = role == "train" and "notexture" not in f"{folder}/{stem}".lower()
     return Bag(path, role, light, trajectory, percent, textured)
 
@@ -86,15 +90,19 @@ def bags(folder) -> list[Path]:
     found = sorted(folder.rglob("*.bag"))
     if not found:
         packed = len([*folder.rglob("*.tar"), *folder.rglob("*.tar.gz")])
-        what = f"{packed} archives but no bag; unpack them (tar xf)" if packed else "no bag; see lmmap dataset"
+        what = (
+            f"{packed} archives but no bag; unpack them (tar xf)" if packed else "no bag; see lmmap dataset"
+        )
         raise InputError(f"{folder}: holds {what}")
     return found
 
 
-def hand_eye_file(folder) -> Path | None:
-    """The hand-eye calibration of the DAVIS somewhere below a folder."""
-    found = sorted(Path(folder).rglob("*camera-to-robot*dvs*.y*ml")) or sorted(Path(folder).rglob("*hand*eye*.y*ml"))
-    return found[0] if found else None
+def hand_eye_file(folder, deep: bool = True) -> Path | None:
+    """The hand-eye calibration of the DAVIS in a folder, or anywhere below it."""
+    for pattern in (HAND_EYE, "*camera-to-robot*.y*ml", "*hand*eye*.y*ml"):
+        if found := sorted(Path(folder).rglob(pattern) if deep else Path(folder).glob(pattern)):
+            return found[0]
+    return None
 
 
 def check(folder) -> Iterator[dict]:
@@ -132,5 +140,5 @@ def _usable(bag: Bag, facts: dict, hand_eye: Path | None) -> None:
         raise InputError(f"{bag.path}: no messages of {', '.join(missing)} among its topics ({topics}); "
                          "download it again")  # fmt: skip
     if bag.role not in ("empty", "calibration"):
-        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else transforms.ENDS[0]
+        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else transforms.ends_of(bag.path)
         transforms.arm_motion(bag.path, *ends)

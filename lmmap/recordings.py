@@ -2,8 +2,8 @@
 
 ``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
 whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
-``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``;
-beside a bag whose arm reports its motion, ``rig.json`` gives the truth.
+``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
+A folder of bags may share one ``camera.json``.
 Writers are atomic: a file is complete under its name, or it is not there.
 """
 
@@ -67,15 +67,15 @@ def open_stream(path, camera: Camera | str | Path | None = None, *, checked: boo
     camera = _camera(path, source.size_px, camera)
     beside = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_trajectory(beside[0]) if beside else None
-    if truth is None and kind == ".bag" and (known := rig.beside(path, rig.NAME)):
-        truth = rig.Rig.load(known).truth(path)
     return Stream(path.stem, camera, source, truth, checked)
 
 
 def _camera(path: Path, size_px, camera) -> Camera:
     beside = path.with_suffix(".camera.json")
     if camera is None:
-        camera = beside if beside.exists() else rig.beside(path, rig.CAMERA) if path.suffix == ".bag" else None
+        camera = (
+            beside if beside.exists() else rig.beside(path, rig.CAMERA) if path.suffix == ".bag" else None
+        )
     if camera is None and size_px == DAVIS346_PX:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
         return Camera.davis346()

@@ -153,7 +153,9 @@ def _bare(document) -> CameraOnRobot:
         if isinstance(node, list):
             flat = np.array(node, object).ravel()
             if flat.size == 16 and all(isinstance(v, int | float) for v in flat):
-                return CameraOnRobot(_pose(np.array(flat, float).reshape(4, 4)), False, arm.BASE, arm.EFFECTOR)
+                return CameraOnRobot(
+                    _pose(np.array(flat, float).reshape(4, 4)), False, arm.BASE, arm.EFFECTOR
+                )
         elif isinstance(node, dict):
             waiting.extend(node.values())
     raise ValueError("neither layout")
@@ -164,7 +166,11 @@ def _pose(matrix) -> Pose:
     if M.shape != (4, 4) or not np.isfinite(M).all():
         raise ValueError(f"a matrix of shape {M.shape}")
     R = M[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0 or np.abs(M[3] - [0, 0, 0, 1]).max() > 0:
+    if (
+        np.abs(R @ R.T - np.eye(3)).max() > 1e-3
+        or np.linalg.det(R) < 0
+        or np.abs(M[3] - [0, 0, 0, 1]).max() > 0
+    ):
         raise ValueError("its 4 x 4 matrix is no rigid transform")
     return Pose(R, M[:3, 3])
 

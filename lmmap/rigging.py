@@ -1,4 +1,4 @@
-"""A rig from detections: where the port is on the arm, the camera where that is not known, the ring's size."""
+"""A rig from detections: the port on the arm, the camera where that is not known, the ring's size."""
 
 from __future__ import annotations
 
@@ -59,7 +59,9 @@ def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
     poses = Pose(np.concatenate([b.T_cam_port.rotation for b in bags]),
                  np.concatenate([b.T_cam_port.position_m for b in bags]))  # fmt: skip
     arms = [b.arm.T_root_tip for b in bags]
-    T_root_tip = Pose(np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms]))
+    T_root_tip = Pose(
+        np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms])
+    )
     arm = handeye.Along(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
     data = (poses, arm, port.yaw_period_rad, np.concatenate([b.covariance for b in bags]))
     try:

@@ -89,7 +89,7 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
 
 
 def write_set(folder, seconds: float, report=print, names=NAMES) -> None:
-    """A small set in the published layout, bag by bag; those that are there are kept.  Raises `InputError`."""
+    """A small set in the published layout; bags that are there are kept.  Raises `InputError`."""
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,9 @@ def detections(name: str, seconds: float, rng: np.random.Generator, rig: Rig = R
     seen_us = np.arange(5e4, t_us[-1], 1e6 / rate_hz).astype(np.int64)
     T, count = motion(seq, seen_us * 1e-6), len(seen_us)
     turn = Rotation.from_rotvec(rng.normal(0, noise_rad, (count, 3))).as_matrix()
-    rotation = turn @ T.rotation @ rotation_z(rig.port.yaw_period_rad * rng.integers(0, rig.port.symmetry, count))
+    rotation = (
+        turn @ T.rotation @ rotation_z(rig.port.yaw_period_rad * rng.integers(0, rig.port.symmetry, count))
+    )
     position_m = T.position_m / scale + rng.normal(0, noise_m, (count, 3))
     wrong = rng.random(count) < outliers
     rotation[wrong] = Rotation.random(wrong.sum(), rng=rng).as_matrix()

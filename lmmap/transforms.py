@@ -43,17 +43,27 @@ def arm_motion(path, root: str, tip: str) -> Trajectory:
     parts = [(links[p, c], backward) for p, c, backward in chain]
     moving = [link for link, _ in parts if len(link) > 1]
     if not moving:
-        raise InputError(f"{path}: {root} to {tip} never moves in /tf; give a bag whose arm reports its motion")
+        raise InputError(
+            f"{path}: {root} to {tip} never moves in /tf; give a bag whose arm reports its motion"
+        )
     low, high = max(m.t_us[0] for m in moving), min(m.t_us[-1] for m in moving)
     t_us = max((m.t_us for m in moving), key=len)
     t_us = t_us[(t_us >= low) & (t_us <= high)]
     if len(t_us) < 2:
-        raise InputError(f"{path}: the links of {root} to {tip} are never reported at the same time; record again")
+        raise InputError(
+            f"{path}: the links of {root} to {tip} are never reported at the same time; record again"
+        )
     T = Pose.identity()
     for link, backward in parts:
         at = link.at(t_us) if len(link) > 1 else link.T_cam_port[0]
         T = T @ (at.inverse if backward else at)
     return Trajectory(t_us, T)
+
+
+def ends_of(path) -> tuple[str, str]:
+    """(base, effector) as this bag's /tf names them: the first of `ENDS` that it knows."""
+    frames = {frame for pair in read(path)[0] for frame in pair}
+    return next((ends for ends in ENDS if frames & {ends[0]} or frames & {ends[1]}), ENDS[0])
 
 
 def read(path) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
@@ -117,7 +127,9 @@ def _nominal(joints) -> dict[tuple[str, str], Trajectory]:
     for index, name in enumerate(arm.JOINTS):
         if name in joints:
             t_us, angle = joints[name]
-            links[arm.LINKS[index], arm.LINKS[index + 1]] = Trajectory(t_us, arm.joint_link(index, angle[:, 0]))
+            links[arm.LINKS[index], arm.LINKS[index + 1]] = Trajectory(
+                t_us, arm.joint_link(index, angle[:, 0])
+            )
     return links
 
 

@@ -32,7 +32,9 @@ def test_forward_is_denavit_hartenbergs(joints_rad):
 
 @given(ANGLES)
 def test_every_branch_of_the_inverse_reaches_the_pose(joints_rad):
-    assume(np.abs(np.sin(joints_rad[[2, 4]])).min() > 1e-2)  # stretched, or joints 4 and 6 turn about one axis
+    assume(
+        np.abs(np.sin(joints_rad[[2, 4]])).min() > 1e-2
+    )  # stretched, or joints 4 and 6 turn about one axis
     T = arm.forward(joints_rad[None])
     branches = arm.inverse(T)[0]
     reached = branches[~np.isnan(branches).any(1)]
@@ -40,9 +42,7 @@ def test_every_branch_of_the_inverse_reaches_the_pose(joints_rad):
     assert np.abs(turns).max(1).min() < 1e-5  # the joints that made the pose are among them
     again = arm.forward(reached)
     np.testing.assert_allclose(again.position_m, np.broadcast_to(T.position_m, (len(reached), 3)), atol=1e-7)
-    np.testing.assert_allclose(
-        again.rotation, np.broadcast_to(T.rotation, (len(reached), 3, 3)), atol=1e-6
-    )
+    np.testing.assert_allclose(again.rotation, np.broadcast_to(T.rotation, (len(reached), 3, 3)), atol=1e-6)
 
 
 def test_a_path_is_followed_without_jumps():

@@ -54,7 +54,9 @@ def test_without_noise_it_agrees_with_opencv_and_the_truth(seed):
 def test_flips_of_yaw_do_not_matter(seed):
     T, arm = world(standin.RIG.T_cam_root, standin.RIG.T_tip_port)
     turns = rotation_z(PERIOD * np.random.default_rng(seed).integers(0, 3, len(T)))
-    plain, flipped = (handeye.solve(some, arm, PERIOD) for some in (T, Pose(T.rotation @ turns, T.position_m)))
+    plain, flipped = (
+        handeye.solve(some, arm, PERIOD) for some in (T, Pose(T.rotation @ turns, T.position_m))
+    )
     assert_same(plain.T_tip_port, flipped.T_tip_port)
     assert_same(plain.T_cam_root, flipped.T_cam_root)
     least = np.linalg.norm(Rotation.from_matrix(flipped.T_tip_port.rotation).as_rotvec())
@@ -92,7 +94,7 @@ def test_a_minute_of_usual_detections_is_enough(name, hand_eye):
 def test_a_wrong_hand_eye_file_is_doubted():
     estimates, arm = standin.detections("realistic-1", 60.0, np.random.default_rng(6))
     T = standin.RIG.T_cam_root
-    wrong = Pose(T.rotation, T.position_m + [0.04, 0, 0])
+    wrong = Pose(T.rotation, T.position_m + np.array([0.04, 0, 0]))
     rig = calibrate([detected(estimates, arm)], PORT, (standin.RIG.root, standin.RIG.tip), wrong)
     assert rig.calibrated["file_in_doubt"]
     assert rig.calibrated["file_differs_mm"] == pytest.approx(40, abs=5)

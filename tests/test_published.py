@@ -1,0 +1,159 @@
+"""The published recordings, by stand-ins: names, health, calibration and evaluation on the command line."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_rig import line, write_arm
+
+from lmmap import cli, intrinsics, open_recording, published, standin
+from lmmap.core import Camera, InputError, Trajectory
+from lmmap.recordings import open_stream, write_npz
+from lmmap.results import DATA
+from lmmap.rig import CAMERA, NAME
+
+MINI = DATA / "mini" / "test-low.aedat4"
+
+
+def brief(seconds: float = 0.7):
+    """The first images of the committed recording, from time zero."""
+    whole = open_recording(MINI)
+    whole = standin.shifted(whole, -int(whole.truth.t_us[0]))
+    end_us = int(seconds * 1e6)
+    truth, frames = whole.truth, whole.frames_t_us < end_us
+    kept = truth.t_us <= end_us + 100_000
+    return replace(whole, events=whole.events[whole.events["t_us"] < end_us], frames=whole.frames[frames],
+                   frames_t_us=whole.frames_t_us[frames],
+                   truth=Trajectory(truth.t_us[kept], truth.T_cam_port[kept]))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A set of one test bag with its hand-eye file and camera."""
+    root = tmp_path_factory.mktemp("set")
+    (root / "dataset_0307_notexture").mkdir()
+    standin.write_bag(brief(), root / "dataset_0307_notexture" / "dark__test.bag")
+    standin.write_hand_eye(root / published.HAND_EYE)
+    Camera.davis346().save(root / CAMERA)
+    return root
+
+
+def run(capsys, *argv):
+    code = cli.main([str(a) for a in argv])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.mark.parametrize("name, role, light, textured", [
+    ("dataset_0307/T1_RA_0_ES_0_cover.bag", "train", "low", True),
+    ("dataset_0307/T2_RA_0_ES_1_cover.bag", "train", "medium", True),
+    ("dataset_0307_notexture/T3_RA_75_ES_0_x.bag", "train", "high", False),
+    ("test_datasets_additional/T3_RA_75_ES_1_x.bag", "test", "high", False),
+    ("dataset_0307_notexture/normal__train.bag", "train", "medium", False),
+    ("anywhere/dark__test.bag", "test", "low", False),
+    ("hard_cases_benchmark/mixed__hard.bag", "hard", "mixed", False),
+    ("hard_cases_additional/T1_RA_9_ES_0_light.bag", "hard", "high", False),
+    ("dataset_0307/T1_RA_0_ES_1_noport.bag", "empty", "medium", False),
+    ("dataset_0307/dvs_calibration.bag", "calibration", None, False),
+])  # fmt: skip
+def test_a_name_says_role_and_light(name, role, light, textured):
+    bag = published.describe(name)
+    assert (bag.role, bag.light, bag.textured) == (role, light, textured)
+
+
+def test_every_stand_in_has_a_published_name():
+    bags = [published.describe(name) for name, _ in standin.NAMES]
+    assert {b.role for b in bags} == {"train", "test", "hard", "empty"}
+    lights = {b.light for b in bags if b.role == "test"}
+    assert lights == {"low", "medium", "high"}
+    assert "its name says neither" in line(published.describe, Path("holiday.bag"))
+
+
+def test_the_truth_of_a_stand_in_is_the_benchs(folder):
+    bag, recording = folder / "dataset_0307_notexture" / "dark__test.bag", brief()
+    stream = open_stream(bag)
+    truth = standin.RIG.truth(bag).at(recording.truth.t_us + standin.START_US)
+    np.testing.assert_allclose(truth.position_m, recording.truth.T_cam_port.position_m, atol=1e-9)
+    np.testing.assert_allclose(truth.rotation, recording.truth.T_cam_port.rotation, atol=1e-9)
+    again = stream.collect()
+    assert np.array_equal(again.frames, recording.frames) and len(again.events) == len(recording.events)
+    assert set(published.contents(bag)["topics"]) == {
+        published.EVENTS, published.FRAMES, published.TF, published.STATES
+    }  # fmt: skip
+
+
+def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsys):
+    bag, rig = folder / "dataset_0307_notexture" / "dark__test.bag", folder / NAME
+    code, _, err = run(capsys, "evaluate", bag, "--modality", "rgb")
+    assert code == 1 and "lmmap calibrate" in err
+    standin.RIG.save(rig)
+    write_npz(standin.shifted(brief(), standin.START_US), tmp_path / "direct.npz")
+    numbers = []
+    for path in (bag, tmp_path / "direct.npz"):
+        code, out, _ = run(capsys, "evaluate", path, "--json")
+        assert code == 0
+        report = json.loads(out)
+        numbers.append([v for m in ("rgb", "event") for k, v in report[m].items() if k != "table"])
+    rig.unlink()
+    np.testing.assert_allclose(*numbers, rtol=1e-6)
+    assert numbers[0][0] == len(brief().frames)
+
+
+def test_calibrating_a_bag(folder, capsys):
+    """Half a second of one view decides little, and says so; with the camera known, it does the port."""
+    bag = folder / "dataset_0307_notexture" / "dark__test.bag"
+    argv = ("calibrate", bag, "--rate", "30", "-o", folder / NAME)
+    code, _, err = run(capsys, *argv)
+    assert code == 1 and "14 detections while the arm reports, 20 are needed" in err and err.count("\n") == 1
+    assert run(capsys, *argv)[2] == err  # from the detections that are kept
+    (folder / "rig.dark__test-rgb.csv").unlink()
+
+
+def test_check_says_what_is_usable(folder, tmp_path, capsys):
+    code, out, _ = run(capsys, "dataset")
+    assert code == 0 and "2123/33938" in out and "over 6 GB" in out
+    bag = folder / "dataset_0307_notexture" / "dark__test.bag"
+    other = tmp_path / "hard_cases_benchmark"
+    other.mkdir()
+    (other / "dark__hard.bag").write_bytes(bag.read_bytes()[:1_000_000])
+    (other / "holiday.bag").write_bytes(bag.read_bytes())
+    write_arm(other / "light__hard.bag")
+    (other / "normal__test.bag").write_bytes(bag.read_bytes())
+    standin.write_hand_eye(tmp_path / published.HAND_EYE)
+    code, out, _ = run(capsys, "dataset", "check", tmp_path, "--json")
+    problems = {Path(row["bag"]).stem: row["problem"] for row in json.loads(out)}
+    assert code == 0 and problems["normal__test"] == ""
+    assert "cannot read this bag" in problems["dark__hard"]
+    assert "neither light nor purpose" in problems["holiday"]
+    assert "no messages of /dvs/events, /dvs/image_raw" in problems["light__hard"]
+    assert all("\n" not in p for p in problems.values())
+    code, out, _ = run(capsys, "dataset", "check", tmp_path)
+    assert code == 0 and "1 of 4 bags usable: 1 test" in out
+    for bad in (("check", tmp_path / "nowhere"), ("check",)):
+        code, _, err = run(capsys, "dataset", *bad)
+        assert code == 1 and err.count("\n") == 1
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "a.tar").touch()
+    with pytest.raises(InputError, match="unpack"):
+        published.bags(tmp_path / "empty")
+
+
+def test_intrinsics_from_a_board(tmp_path, capsys):
+    camera = Camera(346, 260, 330.0, 328.0, 170.0, 131.0, (-0.3, 0.1, 0.001, -0.0008))
+    recording = standin.board_recording(camera)
+    found, facts = intrinsics.calibrate(recording.timed_frames(), (8, 5), 0.03)
+    assert facts["rms_px"] < 0.15 and facts["views"] >= 8
+    wanted = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+    values = np.array([found.fx_px, found.fy_px, found.cx_px, found.cy_px])
+    assert np.all(np.abs(values - wanted) < 4 * np.array(facts["sigma_px"]))
+    assert np.all(np.abs(values[:2] / wanted[:2] - 1) < 0.005)
+    np.testing.assert_allclose(found.distortion[:2], camera.distortion[:2], atol=0.03)
+    standin.write_bag(recording, tmp_path / "dvs_calibration.bag")
+    code, out, _ = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "8x5")
+    assert code == 0 and "px left" in out
+    assert Camera.load(tmp_path / CAMERA) == found
+    for board, said in (("7x7", "seen in 0 views"), ("big", "inner corners")):
+        code, _, err = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", board)
+        assert code == 1 and said in err and err.count("\n") == 1
