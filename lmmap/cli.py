@@ -141,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
+    sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     vo.register(command)
     field.register(command)
@@ -227,4 +228,7 @@ def train(a) -> None:
 
 
 def reproduce(a) -> None:
+    if a.data:
+        field.reproduce(a)
+        return
     accuracy.reproduce(a.profile, lambda line: print(line, flush=True))

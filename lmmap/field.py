@@ -11,12 +11,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from . import intrinsics, pipeline, published, rigging, standin, transforms
+from . import campaign, intrinsics, pipeline, published, rigging, standin, transforms
 from .core import Camera, InputError, Port
-from .journal import Journal
 from .recordings import open_stream
+from .results import DERIVED
 from .rig import CAMERA, NAME, CameraOnRobot, read_hand_eye
-from .trajectories import atomic, read_estimates
+from .trajectories import atomic
 
 DATASET = """examples:
   lmmap dataset                     what it is, and what each study needs of it
@@ -69,8 +69,8 @@ def dataset(a) -> None:
         raise InputError("dataset check: no folder given; name the one with the bags")
     if not a.do:
         print(f"The authors' recordings: University of Sydney eScholarship, {published.HANDLE}")
-        print("about 144.5 GB of ROS 1 bags: /dvs/events and /dvs/image_raw (DAVIS 346), /tf and /joint_states "
-              "(UR5e)\n")  # fmt: skip
+        print("about 144.5 GB of ROS 1 bags: /dvs/events and /dvs/image_raw (DAVIS 346), /tf "
+              "and /joint_states (UR5e)\n")  # fmt: skip
         for line in (("study", "needs", "size"), *published.STUDIES):
             print("{:34}{:60}{}".format(*line))
         print("\nThen: lmmap dataset check FOLDER; lmmap calibrate BAG; make reproduce DATA=FOLDER")
@@ -104,8 +104,12 @@ def calibrate(a) -> None:
     camera, port, found = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []
     motions = [transforms.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
     for path, motion in zip(a.bags, motions, strict=True):  # an arm that is missing is said before the work
-        estimates = detect(path, camera, port, a.modality, a.rate, kept_beside(output, path, a.modality))
-        found.append(rigging.detected(estimates, motion))
+        stream = open_stream(path, camera)
+        estimator = pipeline.Estimator(
+            stream.camera, port, a.modality, "low", pipeline.fitting(stream.camera)
+        )
+        kept = kept_beside(output, path, a.modality)
+        found.append(rigging.detected(campaign.detect(stream, estimator, a.rate, kept), motion))
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
     rig = rigging.calibrate(found, port, _ends(a, a.bags[0], hand_eye), known)
     rig.calibrated["recordings"] = [path.name for path in a.bags]
@@ -160,18 +164,6 @@ def board(a) -> None:
     print(json.dumps(facts) if a.json else f"{output}: {text}")
 
 
-def detect(path, camera, port: Port, modality: str, rate_hz: float, kept: Path, weights="low") -> list:
-    """Estimates of a bag's images, kept on disk as they come and gone on with."""
-    stream = open_stream(path, camera)
-    estimator = pipeline.Estimator(stream.camera, port, modality, weights, pipeline.fitting(stream.camera))
-    with Journal(kept, resume=True) as journal:
-        images = pipeline.images(stream, modality, estimator.settings, rate_hz)
-        for t_us, image in tqdm(images, Path(path).stem, unit=" images", disable=None):
-            if not journal.has(t_us):
-                journal.add(estimator(image, t_us))
-    return read_estimates(kept) if journal.statuses else []
-
-
 def kept_beside(output: Path, path: Path, modality: str) -> Path:
     """Where the detections that went into a rig stay."""
     return output.with_name(f"{output.stem}.{path.stem}-{modality}.csv")
@@ -206,3 +198,11 @@ def arguments(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--as-published", type=Path, metavar="FOLDER", help="stand-ins for the authors' bags, into it"
     )
+
+
+def reproduce(a) -> None:
+    """The paper's studies on a folder of bags; ends with the table."""
+    out = campaign.reproduce(a.data, lambda line: print(line, flush=True))
+    text = campaign.told(out, DERIVED / a.profile)
+    (out / "told.txt").write_text(text + "\n")
+    print(f"\n{text}")
