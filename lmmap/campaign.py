@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from . import accuracy, odometry, published, rigging, transforms
+from . import accuracy, dataset, odometry, published, rigging, transforms
 from .core import Estimate, InputError, Port
 from .filters import FILTERS, weight_path
 from .journal import Journal
@@ -74,13 +74,11 @@ def reproduce(folder, report=print) -> Path:
              "rig": rig.calibrated if rig else None}  # fmt: skip
     tables = {name: [] for name in ("errors", "hard", "false", "odometry")}
     for bag in (*roles["test"], *roles["hard"], *roles["empty"]):
-        stream = open_stream(bag.path)
-        if bag.role != "empty":
-            stream = replace(stream, truth=rig.truth(bag.path))
-        for gap in accuracy.DOMAIN_GAPS if bag.role == "test" else accuracy.DOMAIN_GAPS[:1]:
-            for modality in accuracy.MODALITIES:
-                found = _estimates(bag, stream, port, modality, gap, out, report)
-                _study(bag, stream, found, port, modality, gap, tables)
+        try:
+            _studies(bag, rig, port, out, tables, report)
+        except InputError as error:  # a fault in the middle; what came before it is kept
+            left_out.append(str(error))
+            report(f"left out: {error}")
     if tables["errors"]:
         save_table(out / "summary.csv", _summary(pd.concat(tables["errors"])), **facts)
     for name in ("hard", "false", "odometry"):
@@ -88,6 +86,42 @@ def reproduce(folder, report=print) -> Path:
             save_table(out / f"{name}.csv", pd.DataFrame(tables[name]), **facts)
     save_json(out / "about.json", facts)
     return out
+
+
+def _studies(bag: Bag, rig: Rig | None, port: Port, out: Path, tables: dict, report) -> None:
+    """Add one bag to the tables."""
+    stream = open_stream(bag.path)
+    if bag.role != "empty":
+        stream = replace(stream, truth=rig.truth(bag.path))
+    for gap in accuracy.DOMAIN_GAPS if bag.role == "test" else accuracy.DOMAIN_GAPS[:1]:
+        for modality in accuracy.MODALITIES:
+            found = _estimates(bag, stream, port, modality, gap, out, report)
+            _study(bag, stream, found, port, modality, gap, tables)
+
+
+def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path]:
+    """Samples of a folder's training bags, made where they are absent: their names, and where they lie.
+
+    The high domain gap's are the bags with textured covers; the low one's are all.  Raises `InputError`.
+    """
+    bags, left_out = survey(folder)
+    for line in left_out:
+        report(f"left out: {line}")
+    some = [b for b in bags if b.role == "train" and (b.textured or domain_gap != "high")]
+    if not some:
+        raise InputError(
+            f"{folder}: no usable training bag for the {domain_gap} domain gap; see lmmap dataset"
+        )
+    out = output(folder)
+    (out / "training").mkdir(parents=True, exist_ok=True)
+    rig = _rig(Path(folder), out, {"train": some, "test": [], "hard": []}, report)
+    names = []
+    for bag in some:
+        stream = replace(open_stream(bag.path), truth=rig.truth(bag.path))
+        names += dataset.make_recorded(stream, _label(Path(folder), bag), out / "training", rig.port, report)
+    if len(names) < 5:
+        raise InputError(f"{folder}: {len(names)} pieces of training bags, 5 are needed; give longer bags")
+    return names, out / "training"
 
 
 def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
@@ -207,6 +241,10 @@ def told(out: Path, bench: Path) -> str:
     if about["rig"] and about["rig"].get("file_in_doubt"):
         parts.append(f"the hand-eye file and the detections do not agree: {json.dumps(about['rig'])}")
     if (out / "summary.csv").exists():
+        whole = pd.read_csv(out / "summary.csv")
+        other = whole[~whole.light.isin(accuracy.LIGHTS) & (whole.statistic != "rmse")]
+        if len(other):
+            parts.append(f"lights that are not the paper's ({mark})\n{other.round(3).to_string(index=False)}")
         table = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
         text = table.drop(columns="outlier_filter").round(3).to_string(index=False)
         parts.append(f"table ({mark}; medians, and detections in percent)\n{text}")

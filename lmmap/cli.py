@@ -138,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=int, default=0)
     sub.add_argument("--steps", type=int, default=2000)
     sub.add_argument("--start-from", choices=DOMAIN_GAPS, default="", help="other weights to go on from")
+    sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
@@ -216,6 +217,9 @@ def photometric(a) -> None:
 
 
 def train(a) -> None:
+    if a.data:
+        field.train(a)
+        return
     from . import training  # torch's optimisers take a second to import, and only this command needs them
 
     gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS

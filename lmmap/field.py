@@ -7,12 +7,14 @@ import json
 import re
 import sys
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 from tqdm import tqdm
 
-from . import campaign, intrinsics, pipeline, published, rigging, standin, transforms
+from . import accuracy, campaign, intrinsics, pipeline, published, rigging, standin, transforms
 from .core import Camera, InputError, Port
+from .filters import CHANNELS, FILTERS, weight_path
 from .recordings import open_stream
 from .results import DERIVED
 from .rig import CAMERA, NAME, CameraOnRobot, read_hand_eye
@@ -198,6 +200,23 @@ def arguments(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--as-published", type=Path, metavar="FOLDER", help="stand-ins for the authors' bags, into it"
     )
+
+
+def train(a) -> None:
+    """Filters trained on a folder of bags, kept where ``reproduce --data`` looks for them."""
+    from . import training  # torch's optimisers take a second to import
+
+    gaps = [a.domain_gap] if a.domain_gap else accuracy.DOMAIN_GAPS
+    names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
+    for gap in gaps:
+        pieces, folder = campaign.training_set(a.data, gap, lambda line: print(line, flush=True))
+        out = campaign.output(a.data) / f"weights-{gap}"
+        for name, modality in product(names, modalities):
+            recipe = training.Recipe(name, modality, gap, a.seed, a.steps, start_from=a.start_from,
+                                     data=out.parent.name)  # fmt: skip
+            path = out / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
+            training.train(recipe, folder, lambda line: print(line, flush=True), path, pieces)
+            print(f"{path}: written")
 
 
 def reproduce(a) -> None:
