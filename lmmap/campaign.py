@@ -6,7 +6,6 @@ Each bag's estimates are kept as they come, so that an interrupted run goes on. 
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,26 +16,25 @@ from . import accuracy, dataset, odometry, published, rigging, transforms
 from .core import Estimate, InputError, Port
 from .filters import FILTERS, weight_path
 from .journal import Journal
-from .pipeline import Estimator, fitting, images
+from .pipeline import Estimator, answered, fitting, images
 from .published import Bag
 from .recordings import open_stream
-from .results import DERIVED, fingerprint, load_json, save_json, save_table
+from .results import DERIVED, fingerprint, save_json, save_table
 from .rig import NAME, Rig, read_hand_eye
 from .streams import Stream
 from .trajectories import read_estimates
 
 RATE_HZ, CALIBRATION_BAGS = 10.0, 4
 CALIBRATED_ON = 1000  # detections, spread over the bags; of short ones every frame
-KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 
 
 def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> list[Estimate]:
     """Estimates of a bag's images, each on disk as it comes; an interrupted call goes on."""
     with Journal(kept, resume=True) as journal:
-        some = images(stream, estimator.modality, estimator.settings, rate_hz)
-        for t_us, image in tqdm(some, kept.stem, unit=" images", disable=None):
-            if not journal.has(t_us):
-                journal.add(estimator(image, t_us))
+        shots = images(stream, estimator.modality, estimator.settings, rate_hz)
+        left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+        for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
+            journal.add(one)
     return read_estimates(kept) if journal.statuses else []
 
 
@@ -141,7 +139,7 @@ def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     for bag in some:
         motion, stream = transforms.arm_motion(bag.path, *ends), open_stream(bag.path)
         estimator = Estimator(stream.camera, port, "rgb", "low", fitting(stream.camera))
-        kept = _kept(out / f"rig-{_label(folder, bag)}.csv", bag, "rig")
+        kept = kept_in(out / f"rig-{_label(folder, bag)}.csv", bag.path, stream.camera)
         parts.append(rigging.detected(detect(stream, estimator, CALIBRATED_ON / seconds, kept), motion))
     rig = rigging.calibrate(parts, port, ends, hand_eye.T_frame_cam.inverse if hand_eye else None)
     rig.calibrated["recordings"] = [bag.path.name for bag in some]
@@ -154,9 +152,9 @@ def _label(folder: Path, bag: Bag) -> str:
     return str(bag.path.relative_to(folder).with_suffix("")).replace("/", "--")
 
 
-def _kept(path: Path, bag: Bag, *made_of) -> Path:
+def kept_in(path: Path, bag: Path, *made_of) -> Path:
     """The file of a bag's estimates, emptied if it was made of something else."""
-    facts, beside = bag.path.stat(), path.with_suffix(".made-of")
+    facts, beside = bag.stat(), path.with_suffix(".made-of")
     mark = fingerprint(path.name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))
     if not (beside.exists() and beside.read_text() == mark):
         path.unlink(missing_ok=True)
@@ -177,7 +175,7 @@ def _estimates(bag, stream, port, modality, gap, out, report) -> list[Estimate]:
     estimator = Estimator(stream.camera, port, modality, weights, settings)
     label = f"{bag.path.parent.name}--{bag.path.stem}-{modality}-{gap}"
     own = [p.stat().st_mtime_ns for p in sorted(weights.glob("*"))] if isinstance(weights, Path) else gap
-    kept = _kept(out / f"estimates-{label}.csv", bag, port, stream.camera, own)
+    kept = kept_in(out / f"estimates-{label}.csv", bag.path, port, stream.camera, own)
     found = detect(stream, estimator, RATE_HZ, kept)
     poses = sum(e.T_cam_port is not None for e in found)
     report(f"{label}: {poses} poses in {len(found)} images")
@@ -214,38 +212,3 @@ def _summary(errors: pd.DataFrame) -> pd.DataFrame:
     keys = ["light", "modality", "training"]
     return pd.concat(accuracy.summary(some).assign(**dict(zip(keys, names, strict=True)))
                      for names, some in errors.groupby(keys))  # fmt: skip
-
-
-def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
-    """Table I's cells: ``published``, the ``bench``'s where it was run, and ``recordings: NAME``."""
-    table = accuracy.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
-    if (bench / "summary.csv").exists():
-        ours = accuracy.compare(bench)[[*KEYS, "ours"]].rename(columns={"ours": "bench"})
-        table = table.merge(ours, on=KEYS, how="left")
-    else:
-        table["bench"] = float("nan")
-    return table[[*KEYS, "published", "bench", f"recordings: {out.name}"]]
-
-
-def told(out: Path, bench: Path) -> str:
-    """All results of a folder as text, each part marked."""
-    about, mark = load_json(out / "about.json"), f"recordings: {out.name}"
-    parts = []
-    for name, title in (("hard", "hard cases"), ("false", "false detections"), ("odometry", "odometry")):
-        if (out / f"{name}.csv").exists():
-            parts.append(
-                f"{title} ({mark})\n{pd.read_csv(out / f'{name}.csv').round(3).to_string(index=False)}"
-            )
-    if about["left_out"]:
-        parts.append("left out\n" + "\n".join(about["left_out"]))
-    if about["rig"] and about["rig"].get("file_in_doubt"):
-        parts.append(f"the hand-eye file and the detections do not agree: {json.dumps(about['rig'])}")
-    if (out / "summary.csv").exists():
-        whole = pd.read_csv(out / "summary.csv")
-        other = whole[~whole.light.isin(accuracy.LIGHTS) & (whole.statistic != "rmse")]
-        if len(other):
-            parts.append(f"lights that are not the paper's ({mark})\n{other.round(3).to_string(index=False)}")
-        table = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
-        text = table.drop(columns="outlier_filter").round(3).to_string(index=False)
-        parts.append(f"table ({mark}; medians, and detections in percent)\n{text}")
-    return "\n\n".join(parts)

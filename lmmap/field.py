@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from . import accuracy, campaign, intrinsics, pipeline, published, rigging, standin, transforms
+from . import accuracy, campaign, intrinsics, pipeline, published, rigging, sidebyside, standin, transforms
 from .core import Camera, InputError, Port
 from .filters import CHANNELS, FILTERS, weight_path
 from .recordings import open_stream
@@ -110,7 +110,8 @@ def calibrate(a) -> None:
         estimator = pipeline.Estimator(
             stream.camera, port, a.modality, "low", pipeline.fitting(stream.camera)
         )
-        kept = kept_beside(output, path, a.modality)
+        kept = output.with_name(f"{output.stem}.{path.stem}-{a.modality}.csv")
+        kept = campaign.kept_in(kept, path, a.rate, stream.camera)
         found.append(rigging.detected(campaign.detect(stream, estimator, a.rate, kept), motion))
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
     rig = rigging.calibrate(found, port, _ends(a, a.bags[0], hand_eye), known)
@@ -166,11 +167,6 @@ def board(a) -> None:
     print(json.dumps(facts) if a.json else f"{output}: {text}")
 
 
-def kept_beside(output: Path, path: Path, modality: str) -> Path:
-    """Where the detections that went into a rig stay."""
-    return output.with_name(f"{output.stem}.{path.stem}-{modality}.csv")
-
-
 def _hand_eye(a) -> CameraOnRobot | None:
     path = a.hand_eye or next((f for p in list(a.bags[0].resolve().parents)[:2]
                                if (f := published.hand_eye_file(p, deep=False))), None)  # fmt: skip
@@ -222,6 +218,6 @@ def train(a) -> None:
 def reproduce(a) -> None:
     """The paper's studies on a folder of bags; ends with the table."""
     out = campaign.reproduce(a.data, lambda line: print(line, flush=True))
-    text = campaign.told(out, DERIVED / a.profile)
+    text = sidebyside.told(out, DERIVED / a.profile)
     (out / "told.txt").write_text(text + "\n")
     print(f"\n{text}")

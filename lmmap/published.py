@@ -141,4 +141,4 @@ def _usable(bag: Bag, facts: dict, hand_eye: Path | None) -> None:
                          "download it again")  # fmt: skip
     if bag.role not in ("empty", "calibration"):
         ends = rig.read_hand_eye(hand_eye).ends if hand_eye else transforms.ends_of(bag.path)
-        transforms.arm_motion(bag.path, *ends)
+        transforms.arm_motion(bag.path, *ends, transforms.GLANCE_S)

@@ -6,6 +6,7 @@ once (`RIG`) and written nowhere but, for the camera, into a hand-eye file: the 
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ _FACING = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 _MOUNT = Rotation.from_euler("xyz", [3.0, -2.0, 17.0], degrees=True).as_matrix()
 RIG = Rig(arm.BASE, arm.EFFECTOR, Pose(_FACING @ rotation_z(0.0), [0.337, 0.36, 0.657]),
           Pose(_MOUNT, [0.004, -0.006, 0.114]), 0.08)  # fmt: skip
+BOARD = "dataset_0307/dvs_calibration.bag"
 NAMES = (  # as published, and the bench's sequence that stands in
     ("dataset_0307/T1_RA_0_ES_0_texture1.bag", "augmented-0"),
     ("dataset_0307/T2_RA_50_ES_1_texture2.bag", "augmented-2"),
@@ -88,22 +90,24 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
         temporary.write_text(yaml.safe_dump(document))
 
 
-def write_set(folder, seconds: float, report=print, names=NAMES) -> None:
+def write_set(folder, seconds: float, report=print) -> None:
     """A small set in the published layout; bags that are there are kept.  Raises `InputError`."""
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, _ in names:
+        for name in (BOARD, *(name for name, _ in NAMES)):
             (folder / name).parent.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot write ({error.strerror}); choose another folder") from None
     write_hand_eye(folder / published.HAND_EYE)
-    board = folder / "dataset_0307" / "dvs_calibration.bag"
+    board = folder / BOARD
     if not board.exists():
         write_bag(board_recording(Camera.davis346()), board)
-    for name, stands_in in names:
+    for name, stands_in in NAMES:
         if not (folder / name).exists():
-            write_bag(sequences.simulate(stands_in, seconds), folder / name)
+            parts = (folder / name).with_suffix(".parts")
+            write_bag(sequences.simulate(stands_in, seconds, parts=parts), folder / name)
+            shutil.rmtree(parts)
         report(f"{folder / name}: {stands_in}, {(folder / name).stat().st_size / 1e6:.0f} MB")
 
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import struct
 import warnings
+from array import array
 from collections import defaultdict, deque
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +24,17 @@ from .core import InputError, Pose, Trajectory
 
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 STATES = "sensor_msgs/msg/JointState"
+GLANCE_S = 5.0  # of a bag, where only its frames are asked for
 ENDS = ((arm.BASE, arm.EFFECTOR), ("base", "tool0_controller"))  # what a UR's driver may call its two ends
 
 
-def arm_motion(path, root: str, tip: str) -> Trajectory:
-    """``T_root_tip`` of a bag's arm; raises `InputError` that names the missing topic or link."""
+def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> Trajectory:
+    """``T_root_tip`` of a bag's arm, or of its first ``seconds``.
+
+    Raises `InputError` that names the missing topic or link.
+    """
     path = Path(path)
-    links, joints = read(path)
+    links, joints = read(path, seconds)
     chain = _chain(links, root, tip)
     if chain is None:  # a link is missing: the nominal arm has it, and the joints its angle
         filled = _nominal(joints) | links
@@ -62,34 +68,37 @@ def arm_motion(path, root: str, tip: str) -> Trajectory:
 
 def ends_of(path) -> tuple[str, str]:
     """(base, effector) as this bag's /tf names them: the first of `ENDS` that it knows."""
-    frames = {frame for pair in read(path)[0] for frame in pair}
+    frames = {frame for pair in read(path, GLANCE_S)[0] for frame in pair}
     return next((ends for ends in ENDS if frames & {ends[0]} or frames & {ends[1]}), ENDS[0])
 
 
-def read(path) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
+def read(
+    path, seconds: float = np.inf
+) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
     """All links of /tf and /tf_static by (parent, child), and joints by name: times and angles.
 
     Raises `InputError` for a bag that cannot be read or has neither.
     """
     path = Path(path)
-    rows, angles = defaultdict(list), defaultdict(list)
+    rows, angles = (defaultdict(partial(array, "d")) for _ in range(2))  # packed: a bag may hold millions
     with named(path), Reader(path) as bag:
         wanted = [c for c in bag.connections if c.msgtype in (*TF, STATES)]
         if not wanted:
             topics = ", ".join(sorted(bag.topics)) or "none"
             raise InputError(f"{path}: no /tf and no /joint_states among its topics ({topics}); "
                              "give a bag that has the arm's motion")  # fmt: skip
-        for connection, _, raw in bag.messages(wanted):
+        stop = bag.start_time + int(seconds * 1e9) if np.isfinite(seconds) else None
+        for connection, _, raw in bag.messages(wanted, stop=stop):
             if connection.msgtype == STATES:
                 m = STORE.deserialize_ros1(raw, STATES)
                 t_us = _micro(m.header.stamp.sec, m.header.stamp.nanosec)
                 for name, angle in zip(m.name, m.position, strict=False):
-                    angles[name].append((t_us, angle))
+                    angles[name].extend((t_us, angle))
             else:
                 for parent, child, t_us, values in _transforms(raw):
-                    rows[parent, child].append((t_us, *values))
-        links = {pair: _link(np.array(table)) for pair, table in rows.items()}
-    return links, {name: _unique(np.array(table)) for name, table in angles.items()}
+                    rows[parent, child].extend((t_us, *values))
+        links = {pair: _link(np.array(table).reshape(-1, 8)) for pair, table in rows.items()}
+    return links, {name: _unique(np.array(table).reshape(-1, 2)) for name, table in angles.items()}
 
 
 def _transforms(raw: bytes) -> Iterator[tuple]:

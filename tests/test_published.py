@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from test_rig import line, write_arm
 
-from lmmap import cli, intrinsics, open_recording, published, standin
+from lmmap import campaign, cli, intrinsics, open_recording, published, rigging, sequences, standin
 from lmmap.core import Camera, InputError, Trajectory
 from lmmap.recordings import open_stream, write_npz
 from lmmap.results import DATA
-from lmmap.rig import CAMERA, NAME
+from lmmap.rig import CAMERA, NAME, Rig
 
 MINI = DATA / "mini" / "test-low.aedat4"
 
 
-def brief(seconds: float = 0.7):
+def brief(seconds: float = 0.4):
     """The first images of the committed recording, from time zero."""
     whole = open_recording(MINI)
     whole = standin.shifted(whole, -int(whole.truth.t_us[0]))
@@ -101,14 +101,44 @@ def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsy
     assert numbers[0][0] == len(brief().frames)
 
 
-def test_calibrating_a_bag(folder, capsys):
-    """Half a second of one view decides little, and says so; with the camera known, it does the port."""
-    bag = folder / "dataset_0307_notexture" / "dark__test.bag"
-    argv = ("calibrate", bag, "--rate", "30", "-o", folder / NAME)
-    code, _, err = run(capsys, *argv)
-    assert code == 1 and "14 detections while the arm reports, 20 are needed" in err and err.count("\n") == 1
-    assert run(capsys, *argv)[2] == err  # from the detections that are kept
-    (folder / "rig.dark__test-rgb.csv").unlink()
+def test_calibrating_a_bag(folder, capsys, monkeypatch):
+    """A second of frames, with the camera from the file: the port to some mm; what was detected is kept."""
+    bag, rig = folder / "dataset_0307_notexture" / "normal__train.bag", folder / NAME
+    standin.write_bag(brief(1.2), bag)
+    argv = ("calibrate", bag, "-o", rig, "--rate")
+    code, _, err = run(capsys, *argv, "10")
+    assert code == 1 and "detections while the arm reports, 20 are needed" in err and err.count("\n") == 1
+    code, out, err = run(capsys, *argv, "30")
+    assert code == 0 and "from the hand-eye file" in out and not err
+    found, wanted = Rig.load(rig), standin.RIG
+    assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
+    assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
+    assert found.calibrated["recordings"] == ["normal__train.bag"]
+    monkeypatch.setattr(campaign.Estimator, "__call__", None)  # nothing is estimated twice
+    monkeypatch.setattr(rigging, "calibrate", lambda *_: found)
+    code, out, _ = run(capsys, *argv, "30", "--json")
+    assert code == 0 and json.loads(out)["root"] == "base_link"
+    code, _, err = run(capsys, *argv, "30", "--hand-eye", folder / CAMERA)
+    assert code == 1 and "no hand-eye calibration" in err and "width_px" in err
+    for path in (rig, bag):
+        path.unlink()
+
+
+def test_stand_ins_are_written_once(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(standin, "NAMES", standin.NAMES[4:5])
+    argv = ("simulate", "--as-published", tmp_path / "set", "--seconds", "0.2")
+    code, out, err = run(capsys, *argv)
+    bag = tmp_path / "set" / "dataset_0307_notexture" / "dark__test.bag"
+    assert code == 0 and f"{bag}: test-low" in out, err
+    direct, stood_in = sequences.simulate("test-low", 0.2), open_stream(bag, Camera.davis346()).collect()
+    assert np.array_equal(direct.frames, stood_in.frames)
+    assert np.array_equal(direct.events["x"], stood_in.events["x"])
+    before = bag.stat().st_mtime_ns
+    assert run(capsys, *argv)[0] == 0 and bag.stat().st_mtime_ns == before
+    assert not list(tmp_path.rglob("*.parts"))
+    for bad in (("--as-published", bag), ("--as-published", tmp_path, "--seconds", "90"), ()):
+        code, _, err = run(capsys, "simulate", *bad)
+        assert code == 1 and err.count("\n") == 1
 
 
 def test_check_says_what_is_usable(folder, tmp_path, capsys):
@@ -154,6 +184,7 @@ def test_intrinsics_from_a_board(tmp_path, capsys):
     code, out, _ = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "8x5")
     assert code == 0 and "px left" in out
     assert Camera.load(tmp_path / CAMERA) == found
-    for board, said in (("7x7", "seen in 0 views"), ("big", "inner corners")):
-        code, _, err = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", board)
-        assert code == 1 and said in err and err.count("\n") == 1
+    code, _, err = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "big")
+    assert code == 1 and "inner corners" in err and err.count("\n") == 1
+    with pytest.raises(ValueError, match="7 x 7 inner corners is seen in 0 views"):
+        intrinsics.calibrate([(0, recording.frames[0])], (7, 7), 0.03)
