@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from .core import Pose, Trajectory, frozen_array
-from .geometry import rotation_z
+from .geometry import rotation_vector, rotation_z
 
 SIGMA_M, SIGMA_RAD = 0.004, np.deg2rad(2.0)  # of a detection, where it does not say; rescaled by the fit
 FLOOR_M, FLOOR_RAD = 0.0005, np.deg2rad(0.2)  # no detection is known better, whatever its covariance
@@ -102,14 +102,6 @@ class _Problem:
             if k and moved < 1e-7:
                 break
         return x, variance, weight, found.jac
-
-
-def rotation_vector(R) -> np.ndarray:
-    """Rotation vectors (..., 3) of matrices (..., 3, 3): axis times angle; zero at exactly half a turn."""
-    sine = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]] / 2
-    length = np.linalg.norm(sine, axis=-1)
-    angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
-    return sine * (angle / np.maximum(length, 1e-12))[..., None]
 
 
 def _put(x, free, values) -> np.ndarray:
