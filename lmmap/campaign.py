@@ -33,8 +33,11 @@ def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> 
     with Journal(kept, resume=True) as journal:
         shots = images(stream, estimator.modality, estimator.settings, rate_hz)
         left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
-        for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
-            journal.add(one)
+        try:
+            for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
+                journal.add(one)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{kept} keeps what was estimated, the same command goes on") from None
     return read_estimates(kept) if journal.statuses else []
 
 
@@ -105,14 +108,15 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
     bags, left_out = survey(folder)
     for line in left_out:
         report(f"left out: {line}")
-    some = [b for b in bags if b.role == "train" and (b.textured or domain_gap != "high")]
+    roles = {"train": [b for b in bags if b.role == "train"], "test": [], "hard": []}
+    some = [b for b in roles["train"] if b.textured or domain_gap != "high"]
     if not some:
         raise InputError(
             f"{folder}: no usable training bag for the {domain_gap} domain gap; see lmmap dataset"
         )
     out = output(folder)
     (out / "training").mkdir(parents=True, exist_ok=True)
-    rig = _rig(Path(folder), out, {"train": some, "test": [], "hard": []}, report)
+    rig = _rig(Path(folder), out, roles, report)
     names = []
     for bag in some:
         stream = replace(open_stream(bag.path), truth=rig.truth(bag.path))
@@ -124,10 +128,9 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
 
 def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     """The folder's rig; without one, that of its training bags, or for want of them of the tests."""
-    for path in (folder / NAME, out / NAME):
-        if path.exists():
-            report(f"rig: {path.name} of {path.parent.name}")
-            return Rig.load(path)
+    if (folder / NAME).exists():
+        report(f"rig: {NAME} of {folder.name}")
+        return Rig.load(folder / NAME)
     some = sorted(roles["train"], key=lambda b: b.textured)[:CALIBRATION_BAGS]
     if not some:
         some = (roles["test"] or roles["hard"])[:CALIBRATION_BAGS]
@@ -135,15 +138,21 @@ def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     path = published.hand_eye_file(folder)
     hand_eye, port = read_hand_eye(path) if path else None, Port.lm_map()
     ends = hand_eye.ends if hand_eye else transforms.ends_of(some[0].path)
+    camera = open_stream(some[0].path).camera
+    dates = [b.path.stat().st_mtime_ns for b in some]
+    made = kept_in(out / NAME, some[0].path, dates, camera, path and path.read_text())
+    if made.exists():
+        report("rig: as calibrated before")
+        return Rig.load(made)
     parts, seconds = [], sum(published.contents(bag.path)["seconds"] for bag in some)
     for bag in some:
-        motion, stream = transforms.arm_motion(bag.path, *ends), open_stream(bag.path)
-        estimator = Estimator(stream.camera, port, "rgb", "low", fitting(stream.camera))
-        kept = kept_in(out / f"rig-{_label(folder, bag)}.csv", bag.path, stream.camera)
+        motion, stream = transforms.arm_motion(bag.path, *ends), open_stream(bag.path, camera)
+        estimator = Estimator(camera, port, "rgb", "low", fitting(camera))
+        kept = kept_in(out / f"rig-{_label(folder, bag)}.csv", bag.path, camera)
         parts.append(rigging.detected(detect(stream, estimator, CALIBRATED_ON / seconds, kept), motion))
     rig = rigging.calibrate(parts, port, ends, hand_eye.T_frame_cam.inverse if hand_eye else None)
     rig.calibrated["recordings"] = [bag.path.name for bag in some]
-    rig.save(out / NAME)
+    rig.save(made)
     report(f"rig: calibrated on {', '.join(rig.calibrated['recordings'])}")
     return rig
 
@@ -156,9 +165,12 @@ def kept_in(path: Path, bag: Path, *made_of) -> Path:
     """The file of a bag's estimates, emptied if it was made of something else."""
     facts, beside = bag.stat(), path.with_suffix(".made-of")
     mark = fingerprint(path.name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))
-    if not (beside.exists() and beside.read_text() == mark):
-        path.unlink(missing_ok=True)
-        beside.write_text(mark)
+    try:
+        if not (beside.exists() and beside.read_text() == mark):
+            path.unlink(missing_ok=True)
+            beside.write_text(mark)
+    except OSError as error:
+        raise InputError(f"{path}: cannot write ({error.strerror}); choose another place for it") from None
     return path
 
 

@@ -101,6 +101,8 @@ def calibrate(a) -> None:
     if a.board:
         board(a)
         return
+    if not 0 < a.rate < 1e4:
+        raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
     output = a.output or a.bags[0].parent / NAME
     hand_eye = _hand_eye(a)
     camera, port, found = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []

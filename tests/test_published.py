@@ -114,6 +114,9 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
     assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
     assert found.calibrated["recordings"] == ["normal__train.bag"]
+    for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
+        code, _, err = run(capsys, *argv, *bad)
+        assert code == 1 and err.count("\n") == 1
     monkeypatch.setattr(campaign.Estimator, "__call__", None)  # nothing is estimated twice
     monkeypatch.setattr(rigging, "calibrate", lambda *_: found)
     code, out, _ = run(capsys, *argv, "30", "--json")
