@@ -25,7 +25,7 @@ STAMP := .venv/.installed
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000"
+	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000, DATA=FOLDER"
 
 env: $(STAMP)  ## make .venv from environment.txt
 
@@ -44,7 +44,8 @@ $(STAMP): environment.txt pyproject.toml
 	@touch $@
 	@echo "env: ready"
 
-reproduce: book  ## simulate, estimate, make all tables and figures, build the book
+reproduce: book  ## simulate, estimate, make all tables and figures, build the book (DATA=FOLDER: authors' bags too)
+	@$(if $(DATA),cat "data/derived/recordings/$$(basename "$$(realpath "$(DATA)")")/told.txt")
 	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
 
 evaluate: env  ## make the accuracy study's results alone, resumable (PROFILE=paper takes hours; JOBS=2: two sequences at once)
@@ -68,6 +69,7 @@ lint: env  ## ruff, formatting, and the floors (imports run downward only)
 book: env  ## build the book, making the results that are absent or old; warnings are errors
 	@echo "book: results, profile $(PROFILE)"
 	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
+	@$(if $(DATA),$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --data "$(DATA)")
 	@$(BIN)/python -c 'import matplotlib.pyplot' 2>/dev/null  # its first import may talk about fonts, in a cell
 	@echo "book: building; chapters run only when they, the module or the data changed"
 	@$(BIN)/jupyter-book build . -W --keep-going --quiet || { rm -rf _build; \

@@ -4,13 +4,15 @@
 
 Errors along a contour are correlated, so independent points would promise too much.  The inflation is the
 factor at which 95 % of the true poses lie in the 95 % region.  Its results are the constants
-``uncertainty.INFLATION``, ``yaw.YAW_INFLATION`` and ``joint.MARKER_SIGMA_PX``.  It prints, too, what the
-joint refinement changes.  The simulated recordings are kept in data/derived/calibration.
+``uncertainty.INFLATION``, ``yaw.YAW_INFLATION`` (the larger one) and ``joint.MARKER_SIGMA_PX`` (whose region
+holds 95 %, or comes nearest).  It tells, too, what the joint refinement changes.  The table is kept in
+data/results/uncertainty.csv, the simulated recordings in data/derived/calibration.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -21,7 +23,7 @@ from lmmap.geometry import in_view, rotation_z
 from lmmap.metrics import normal_error_rad, position_error_m
 from lmmap.pipeline import Estimator, images
 from lmmap.recordings import open_recording, write_npz
-from lmmap.results import DERIVED
+from lmmap.results import DATA, DERIVED, save_table
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1007)] + ["augmented-1001"]
 SECONDS, RATE_HZ = 4.0, 6.0
@@ -64,50 +66,52 @@ def errors(T: Pose, truth: Pose) -> tuple[float, float]:
     return np.rad2deg(normal_error_rad(T, truth)), 1e3 * position_error_m(T, truth)
 
 
-def described(values) -> str:
-    (deg, mm), (rms_deg, rms_mm) = np.median(values, 0), np.sqrt(np.mean(values**2, 0))
-    return f"median {deg:.2f} deg, {mm:.2f} mm; RMS {rms_deg:.2f} deg, {rms_mm:.2f} mm"
+def row(modality, marker_sigma_px, values, nees) -> dict:
+    """A line of the table: errors of all images, and the share of true poses in the 95 % region."""
+    (deg, mm), (rms_deg, rms_mm) = np.median(values, 0), np.sqrt(np.mean(np.square(values), 0))
+    inside = 100 * np.mean(np.array(nees) < chi2.ppf(0.95, 6)) if nees else np.nan
+    return {"modality": modality, "marker_sigma_px": marker_sigma_px, "normal_deg": deg, "position_mm": mm,
+            "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, "inside_percent": inside,
+            "refined": len(nees)}  # fmt: skip
+
+
+def calibrate(modality: str) -> pd.DataFrame:
+    """Rows without (NaN) and with joint refinement, for each standard deviation of a marker's edge."""
+    estimator = Estimator(modality=modality)
+    camera, port = estimator.camera, estimator.port
+    cases = [case for name in SEQUENCES for case in measured(estimator, name)]
+    ring_nees, yaw_ratio, right = [], [], []
+    for ring, _, fit, truth in cases:
+        right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
+        T = fit.T_cam_port if right[-1] else fit.rival
+        known = uncertainty.pose_uncertainty(T, ring.points_px, ring.sigma_px, port.ring_radius_m, camera)
+        ring_nees.append(uncertainty.chart_nees(T, truth, known.chart, port.ring_radius_m, camera))
+        if right[-1]:
+            turned = left_error(T, truth, port.yaw_period_rad)[3:] @ T.normal
+            yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
+    inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
+    rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [])]
+    for sigma_px in MARKER_SIGMAS_PX:
+        nees, after = [], []
+        for ring, reflectors, fit, truth in cases:
+            found = joint.refine(fit.T_cam_port, ring.points_px, reflectors, port, camera,
+                                 ring.sigma_px * np.sqrt(inflation), sigma_px)  # fmt: skip
+            T = found.T_cam_port if found else fit.T_cam_port
+            after.append(errors(T, truth))
+            if found:
+                d = left_error(T, truth, port.yaw_period_rad)
+                nees.append(d @ np.linalg.solve(found.covariance, d))
+        rows.append(row(modality, sigma_px, after, nees))
+    return pd.DataFrame(rows).assign(
+        images=len(cases), normal_right_percent=100 * np.mean(right), inflation=inflation,
+        inflation_by_median=np.median(ring_nees) / chi2.ppf(0.5, 5),
+        yaw_inflation=np.quantile(yaw_ratio, 0.95) / 1.96)  # fmt: skip
 
 
 def main() -> None:
-    for modality in ("rgb", "event"):
-        estimator = Estimator(modality=modality)
-        camera, port = estimator.camera, estimator.port
-        cases = [case for name in SEQUENCES for case in measured(estimator, name)]
-        ring_nees, yaw_ratio, right = [], [], []
-        for ring, _, fit, truth in cases:
-            right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
-            T = fit.T_cam_port if right[-1] else fit.rival
-            chart = uncertainty.pose_uncertainty(
-                T, ring.points_px, ring.sigma_px, port.ring_radius_m, camera
-            ).chart
-            ring_nees.append(uncertainty.chart_nees(T, truth, chart, port.ring_radius_m, camera))
-            if right[-1]:
-                turned = left_error(T, truth, port.yaw_period_rad)[3:] @ T.normal
-                yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
-        inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
-        print(f"{modality}: {len(cases)} images, normal right in {100 * np.mean(right):.1f} %")
-        print(f"  INFLATION {inflation:.1f} (by the median {np.median(ring_nees) / chi2.ppf(0.5, 5):.1f})")
-        print(f"  YAW_INFLATION {np.quantile(yaw_ratio, 0.95) / 1.96:.2f}")
-        before = np.array([errors(f.T_cam_port, t) for _, _, f, t in cases])
-        print(f"  ring and yaw: {described(before)}")
-        for sigma_px in MARKER_SIGMAS_PX:
-            nees, after = [], []
-            for ring, reflectors, fit, truth in cases:
-                ring_sigma_px = ring.sigma_px * np.sqrt(inflation)
-                found = joint.refine(
-                    fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_sigma_px, sigma_px
-                )
-                T = found.T_cam_port if found else fit.T_cam_port
-                after.append(errors(T, truth))
-                if found:
-                    d = left_error(T, truth, port.yaw_period_rad)
-                    nees.append(d @ np.linalg.solve(found.covariance, d))
-            inside = 100 * np.mean(np.array(nees) < chi2.ppf(0.95, 6))
-            print(
-                f"  joint, {sigma_px:3.1f} px a marker edge: {described(np.array(after))}; "
-                f"in the 95 % region {inside:.0f} %, in {len(nees)} images"
-            )
+    table = pd.concat([calibrate(modality) for modality in ("rgb", "event")], ignore_index=True)
+    print(table.round(2).T.to_string())
+    save_table(DATA / "results" / "uncertainty.csv", table, sequences=SEQUENCES)
 
 
 if __name__ == "__main__":

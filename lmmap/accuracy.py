@@ -185,8 +185,9 @@ def compare(folder: Path) -> pd.DataFrame:
     for variant, name in names.items():
         ends = {"value": name, "low": f"{name}_low", "high": f"{name}_high"}
         of = every[every.variant == variant].rename(columns=ends)
+        how = "inner" if variant in ("printed", "exact") else "left"  # the others are not in every study
         keys = cell if variant == "fused" else [*cell, "modality"]
-        paper = paper.merge(of[[*keys, *ends.values()]], on=keys)
+        paper = paper.merge(of[[*keys, *ends.values()]], on=keys, how=how)
     return paper
 
 

@@ -6,6 +6,7 @@ import re
 import struct
 import warnings
 from functools import lru_cache, partial
+from heapq import merge
 from pathlib import Path
 
 import cv2
@@ -21,6 +22,12 @@ STORE = get_typestore(Stores.ROS1_NOETIC)
 PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
+for _name, _definition in (
+    ("dvs_msgs/msg/Event", EVENT_MSG),
+    ("dvs_msgs/msg/EventArray", ARRAY_MSG),
+    ("tf2_msgs/msg/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
+):
+    STORE.register(get_types_from_msg(_definition, _name))
 PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), ("ns", "<u4")]}
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 TO_RGB = {
@@ -34,12 +41,13 @@ TO_RGB = {
 
 def read(path: Path) -> Source:
     """The first topic of each kind; raises `InputError`."""
-    with _naming(path), Reader(path) as bag:
+    with named(path), Reader(path) as bag:
         arrays = _topic(bag, path, _is_events)
         images = _topic(bag, path, IMAGES.__contains__)
         if not arrays and not images:
             raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
-        first = next(bag.messages(arrays or images), None)
+        arrays, images = (some if any(c.msgcount for c in some) else [] for some in (arrays, images))
+        first = next(bag.messages(arrays or images), None) if arrays or images else None
         if first is None:
             raise ValueError("no message in its topics")
         connection, _, raw = first
@@ -60,12 +68,12 @@ def _chunks(path: Path, size_px: tuple[int, int]):
                 raise ValueError(f"event arrays for {size} px among those for {size_px} px")
             yield batch
 
-    with _naming(path), Reader(path) as bag:
+    with named(path), Reader(path) as bag:
         yield from rechunked(batches(bag))
 
 
 def _frames(path: Path):
-    with _naming(path), Reader(path) as bag:
+    with named(path), Reader(path) as bag:
         for connection, _, raw in _messages(bag, path, IMAGES.__contains__):
             yield _image(raw, connection)
 
@@ -87,7 +95,8 @@ def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
     return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, _rgb(message)
 
 
-def _naming(path: Path):
+def named(path: Path):
+    """A context in which what damaged bytes raise becomes one `InputError` line."""
     remedy = "give a ROS 1 bag with dvs_msgs or sensor_msgs, or run rosbag reindex"
     return naming(path, "cannot read this bag", remedy)
 
@@ -148,40 +157,59 @@ def _rgb(message) -> np.ndarray:
     return pixels if code is None else cv2.cvtColor(pixels, code)
 
 
-def write(recording: Recording, path: Path) -> None:
-    """Write ``/dvs/events``, ``/dvs/image_raw`` and, with each image, ``/dvs/camera_info``.
+def write(recording: Recording, path: Path, others=(), calibrated: bool = True) -> None:
+    """Write ``/dvs/events``, ``/dvs/image_raw`` and, if ``calibrated``, ``/dvs/camera_info`` with each image.
 
-    Raises `OSError`, and ValueError for negative times.
+    ``others`` are further topics: ``(topic, type, messages)`` with messages ``(t_us, bytes)`` in the order
+    of time.  All are interleaved by time.  Raises `OSError`, and ValueError for negative times.
     """
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg(EVENT_MSG, "dvs_msgs/msg/Event"))
-    store.register(get_types_from_msg(ARRAY_MSG, "dvs_msgs/msg/EventArray"))
+    topics = [("/dvs/events", "dvs_msgs/msg/EventArray", _event_messages(recording)),
+              ("/dvs/image_raw", IMAGES[0], _image_messages(recording)), *others]  # fmt: skip
+    if calibrated:
+        info = _camera_info(recording.camera)
+        messages = ((t_us, header(t_us) + info) for t_us, _ in recording.timed_frames())
+        topics.append(("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", messages))
+    with Writer(path) as bag:
+        connections = [bag.add_connection(topic, kind, typestore=STORE) for topic, kind, _ in topics]
+        ordered = merge(*(_numbered(k, some) for k, (_, _, some) in enumerate(topics)), key=lambda m: m[0])
+        for t_us, k, raw in ordered:
+            bag.write(connections[k], t_us * 1000, raw)
+
+
+def _numbered(number: int, messages):
+    return ((t_us, number, raw) for t_us, raw in messages)
+
+
+def _event_messages(recording: Recording):
     width, height = recording.camera.size_px
     record = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
-    with Writer(path) as bag:
-        events = bag.add_connection("/dvs/events", "dvs_msgs/msg/EventArray", typestore=store)
-        images = bag.add_connection("/dvs/image_raw", IMAGES[0], typestore=store)
-        cameras = bag.add_connection("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", typestore=store)
-        calibration = _camera_info(recording.camera)
-        for chunk in recording.chunks():
-            for e in pieces(chunk, PER_MESSAGE):
-                packed = np.zeros(len(e), record)
-                packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
-                packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
-                t_us = int(e["t_us"][-1])
-                body = struct.pack("<III", height, width, len(e)) + packed.tobytes()
-                bag.write(events, t_us * 1000, _header(t_us) + body)
-        form = struct.pack("<II", height, width) + struct.pack("<I", 4) + b"rgb8"
-        form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
-        for t_us, frame in recording.timed_frames():
-            bag.write(images, t_us * 1000, _header(t_us) + form + np.ascontiguousarray(frame).tobytes())
-            bag.write(cameras, t_us * 1000, _header(t_us) + calibration)
+    for chunk in recording.chunks():
+        for e in pieces(chunk, PER_MESSAGE):
+            packed = np.zeros(len(e), record)
+            packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
+            packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
+            t_us = int(e["t_us"][-1])
+            yield t_us, header(t_us) + struct.pack("<III", height, width, len(e)) + packed.tobytes()
 
 
-def _header(t_us: int) -> bytes:
+def _image_messages(recording: Recording):
+    width, height = recording.camera.size_px
+    form = struct.pack("<II", height, width) + struct.pack("<I", 4) + b"rgb8"
+    form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
+    for t_us, frame in recording.timed_frames():
+        yield int(t_us), header(t_us) + form + np.ascontiguousarray(frame).tobytes()
+
+
+def header(t_us: int, frame: str = "") -> bytes:
+    """A std_msgs/Header; ValueError for a negative time."""
     if t_us < 0:
         raise ValueError("bag: times must not be negative")
-    return struct.pack("<IIII", 0, t_us // 10**6, t_us % 10**6 * 1000, 0)
+    return struct.pack("<III", 0, t_us // 10**6, t_us % 10**6 * 1000) + text(frame)
+
+
+def text(value: str) -> bytes:
+    """A string as a message holds it."""
+    return struct.pack("<I", len(value)) + value.encode()
 
 
 def _camera_info(camera: Camera) -> bytes:

@@ -14,7 +14,7 @@ import shtab
 from tqdm import tqdm
 
 from . import commands as work
-from . import photometry, sequences, simulation, study, vo
+from . import field, photometry, sequences, simulation, study, vo
 from .core import PAPER, Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recordings import WRITERS
@@ -87,15 +87,14 @@ def _parser() -> argparse.ArgumentParser:
         return sub
 
     sub = command("simulate", simulate, "record sequences of the bench, with their ground truth beside them")
-    sub.add_argument(
-        "--sequence", nargs="+", required=True, metavar="NAME", help="test-low, realistic-3, ..."
-    )
+    sub.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
+    field.arguments(sub)
     sub.add_argument("--seconds", type=float, help="length (default: the profile's)")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default=profile())
     sub.add_argument("--camera", type=Path, help="calibration of another camera, distortion included")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once")
     sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the work")
-    sub.add_argument("-o", "--output", type=Path, required=True,
+    sub.add_argument("-o", "--output", type=Path,
                      help=f"FILE ending in {', '.join(WRITERS)}; {{}} stands for the sequence")  # fmt: skip
 
     sub = command("photometry", photometric, "calibrate exposure and lamps to the paper's saturation rows")
@@ -140,12 +139,15 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--seed", type=int, default=0)
     sub.add_argument("--steps", type=int, default=2000)
     sub.add_argument("--start-from", choices=DOMAIN_GAPS, default="", help="other weights to go on from")
+    sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
+    sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     vo.register(command)
+    field.register(command)
     return parser
 
 
@@ -178,6 +180,11 @@ def _check_folder(path: Path) -> None:
 
 
 def simulate(a) -> None:
+    if a.as_published:
+        field.simulate(a)
+        return
+    if not (a.sequence and a.output):
+        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
     if a.output.suffix not in WRITERS:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
     if len(a.sequence) > 1 and "{}" not in a.output.name:
@@ -213,6 +220,9 @@ def photometric(a) -> None:
 
 
 def train(a) -> None:
+    if a.data:
+        field.train(a)
+        return
     from . import training  # torch's optimisers take a second to import, and only this command needs them
 
     gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
@@ -225,6 +235,9 @@ def train(a) -> None:
 
 
 def reproduce(a) -> None:
+    if a.data:
+        field.reproduce(a)
+        return
     changed = study.reproduce(a.profile, jobs=a.jobs)
     if changed and a.profile == "paper":
         from . import gallery  # matplotlib takes a second to import

@@ -9,11 +9,12 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
+from dataclasses import replace
 
 import numpy as np
 from tqdm import tqdm
 
-from . import accuracy, live, pipeline
+from . import accuracy, live, pipeline, rig
 from .core import Camera, Estimate, InputError, Port
 from .fusion import fuse
 from .journal import Journal
@@ -42,9 +43,16 @@ def _estimator(a, camera: Camera, modality: str) -> pipeline.Estimator:
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
     if a.events is not None and a.events < 1:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, at least 1")
-    port = Port.load(a.port) if a.port else Port.lm_map()
+    known = None if a.port else _rig_of(a.recording)
+    port = Port.load(a.port) if a.port else known.port if known else Port.lm_map()
     settings = pipeline.fitting(camera, a.events)
     return pipeline.Estimator(camera, port, modality, a.weights or a.domain_gap, settings)
+
+
+def _rig_of(recording) -> rig.Rig | None:
+    """What a folder of bags says of its camera, arm and port."""
+    known = rig.beside(recording, rig.NAME) if recording and recording.suffix == ".bag" else None
+    return rig.Rig.load(known) if known else None
 
 
 class _Bar(tqdm):
@@ -163,10 +171,13 @@ def evaluate(a) -> None:
     """Errors and detection rates of one recording, as the paper's table has them."""
     stream = opened(a)
     if a.truth:
-        stream = Stream(stream.name, stream.camera, stream.source, read_trajectory(a.truth))
+        stream = replace(stream, truth=read_trajectory(a.truth))
+    elif stream.truth is None and (known := _rig_of(a.recording)):
+        stream = replace(stream, truth=known.truth(a.recording))
     if stream.truth is None:
         name = f"{a.recording.stem}.truth.csv"
-        raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}")
+        also = "; or from its arm, with lmmap calibrate" if a.recording.suffix == ".bag" else ""
+        raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
     report, tables, found = {}, {}, {}
     for modality in [a.modality] if a.modality in accuracy.MODALITIES else accuracy.MODALITIES:
         estimator = _estimator(a, stream.camera, modality)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,13 +16,16 @@ import joblib
 import numpy as np
 
 from . import sequences
-from .core import PAPER, Port, Recording
+from .core import EVENT, PAPER, Port, Recording
+from .events import joined
 from .filters import FILTERS
 from .results import fingerprint
 from .shading import ray_grid
+from .streams import Stream
 
 AUGMENTED, REALISTIC = 240, 120  # sequences of each kind
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5
+EXCERPT_EVERY_S = 4.0  # between pieces of a long recording: neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
 BENCH = [
@@ -84,6 +87,46 @@ def _events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
 
 def _spread(total: int, wanted: int) -> np.ndarray:
     return np.unique(np.linspace(0, total - 1, min(wanted, total)).astype(int))
+
+
+def excerpts(stream: Stream, starts_us, length_us: int) -> Iterator[Recording]:
+    """Pieces of a recording whose truth is known, one after the other, in the memory of one of them.
+
+    ``starts_us`` are in order, and no two pieces overlap.
+    """
+    chunks, frames = stream.chunks(), stream.timed_frames()
+    held, last_us, frame = np.empty(0, EVENT), -np.inf, next(frames, None)
+    for start_us in starts_us:
+        end_us, parts, shots = start_us + length_us, [held], []
+        while last_us < end_us and (chunk := next(chunks, None)) is not None:
+            last_us = chunk["t_us"][-1]
+            parts += [chunk] if last_us >= start_us else []
+        events = joined(parts)
+        first, last = np.searchsorted(events["t_us"], [start_us, end_us])
+        held = events[last:].copy()
+        while frame is not None and frame[0] < end_us:
+            shots += [frame] if frame[0] >= start_us else []
+            frame = next(frames, None)
+        width, height = stream.camera.size_px
+        images = np.array([image for _, image in shots], np.uint8).reshape(-1, height, width, 3)
+        times_us = np.array([t_us for t_us, _ in shots], np.int64)
+        yield Recording(stream.name, stream.camera, events[first:last], images, times_us, stream.truth)
+
+
+def make_recorded(stream: Stream, label: str, folder: Path, port: Port, report=print) -> list[str]:
+    """Samples of a recording whose truth is known, in ``folder/LABEL-0000`` and so on; the names.
+
+    Masks come from the truth and the CAD, as the paper's do.  What is there already is kept.
+    """
+    length_us, truth_us = int(SEQUENCE_SECONDS * 1e6), stream.truth.t_us
+    starts_us = np.arange(truth_us[0], truth_us[-1] - length_us, EXCERPT_EVERY_S * 1e6).astype(np.int64)
+    names = [f"{label}-{k:04d}" for k in range(len(starts_us))]
+    absent = [(name, t) for name, t in zip(names, starts_us, strict=True) if not (folder / name).is_dir()]
+    pieces = excerpts(stream, [t for _, t in absent], length_us)
+    for done, ((name, _), piece) in enumerate(zip(absent, pieces, strict=True), 1):
+        write_samples(folder / name, samples(piece, SAMPLES, port), "recordings")
+        report(f"training set: {name}, {done} of {len(absent)}")
+    return names
 
 
 def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = "") -> Path:

@@ -3,6 +3,7 @@
 ``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
 whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
 ``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
+A folder of bags may share one ``camera.json``.
 Writers are atomic: a file is complete under its name, or it is not there.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
-from . import aedat4, bags, hdf5, plain
+from . import aedat4, bags, hdf5, plain, rig
 from .core import Camera, InputError, Recording
 from .health import health
 from .streams import Stream, checked_events, checked_frames
@@ -71,8 +72,10 @@ def open_stream(path, camera: Camera | str | Path | None = None, *, checked: boo
 
 def _camera(path: Path, size_px, camera) -> Camera:
     beside = path.with_suffix(".camera.json")
-    if camera is None and beside.exists():
-        camera = beside
+    if camera is None:
+        camera = (
+            beside if beside.exists() else rig.beside(path, rig.CAMERA) if path.suffix == ".bag" else None
+        )
     if camera is None and size_px == DAVIS346_PX:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
         return Camera.davis346()

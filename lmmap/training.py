@@ -53,6 +53,7 @@ class Recipe:
     rate: float = 1e-3
     warm_up: int = 100
     start_from: str = ""  # a domain gap, whose weights are the first ones
+    data: str = ""  # a folder of recordings instead of the bench, by its name
 
     def __post_init__(self):
         named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
@@ -73,7 +74,11 @@ class Recipe:
         return (
             f"lmmap train --filter {self.filter} --modality {self.modality} "
             f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"
-        ) + (f" --start-from {self.start_from}" if self.start_from else "")
+        ) + "".join(
+            f" --{flag} {value}"
+            for flag, value in (("start-from", self.start_from), ("data", self.data))
+            if value
+        )
 
 
 def batch(samples: dataset.Samples, recipe: Recipe, step: int):

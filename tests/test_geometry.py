@@ -82,6 +82,12 @@ def test_rotation_angles_are_scipys(R):
     np.testing.assert_allclose(geometry.rotation_angle_rad(R), Rotation.from_matrix(R).magnitude(), atol=1e-7)
 
 
+@given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))
+def test_rotation_vectors_are_what_made_the_rotation(vector):
+    R = Rotation.from_rotvec(vector).as_matrix()
+    np.testing.assert_allclose(geometry.rotation_vector(R), vector, atol=1e-6)
+
+
 @given(rotations(), st.integers(-3, 3), st.floats(-1, 1))
 def test_orientations_are_compared_modulo_the_symmetry(R, turns, extra):
     period = PORT.yaw_period_rad

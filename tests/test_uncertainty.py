@@ -1,6 +1,7 @@
 """Covariances: calibrated at every tilt, invariant, honest head-on."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -8,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from strategies import CAMERA, pose, visible_poses
 
-from lmmap import circle, ellipse, geometry, sensitivity, uncertainty
+from lmmap import circle, ellipse, geometry, joint, sensitivity, uncertainty, yaw
 from lmmap.core import Camera, Pose
+from lmmap.results import DATA
 
 NU, SIGMA_PX = 0.08, 0.5
 
@@ -112,6 +114,16 @@ def test_the_other_branch_has_the_same_chart():
     T = pose((200, 110), 0.6, 0.5, 0.7)
     pair = circle.poses(geometry.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
     np.testing.assert_allclose(uncertainty.chart_error(pair[0], pair[1], NU, CAMERA), 0, atol=1e-7)
+
+
+def test_the_constants_are_those_measured():
+    """`benchmarks/calibrate_uncertainty.py` wrote the table."""
+    table = pd.read_csv(DATA / "results" / "uncertainty.csv")
+    for modality, rows in table.groupby("modality"):
+        assert uncertainty.INFLATION[modality] == pytest.approx(rows.inflation.iloc[0], abs=0.06)
+        best = rows.loc[(rows.inside_percent - 95).abs().idxmin()]
+        assert joint.MARKER_SIGMA_PX[modality] == best.marker_sigma_px
+    assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == yaw.YAW_INFLATION
 
 
 def test_misuse_is_named():

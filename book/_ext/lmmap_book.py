@@ -12,7 +12,8 @@ import plotly
 
 # all that a chapter's output depends on besides its own cells
 SOURCES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/results/**/*",
-           "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*", "environment.txt")  # fmt: skip
+           "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
+           "data/derived/recordings/*/summary.csv", "environment.txt")  # fmt: skip
 
 
 def sources_hash(root: Path) -> str:

@@ -1,0 +1,94 @@
+"""A published bag's size, six gigabytes, from bag to truth and errors: memory, time, and going on.
+
+    python benchmarks/long_bag.py FOLDER [GIGABYTES]
+
+Writes a stand-in of that size into FOLDER (the committed recording again and again, its arm to and fro) and
+removes it.  Each command runs in a process of its own, whose peak of resident memory is what is reported
+``evaluate`` estimates one image in ten seconds, as it is reading that is measured.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from long_recording import MAIN, child
+
+from lmmap import bags, open_recording, published, standin, transforms
+from lmmap.arm import follow
+from lmmap.core import Camera
+from lmmap.results import DATA
+from lmmap.rig import CAMERA, NAME
+from lmmap.trajectories import atomic
+
+LIMIT_GB = 2.0
+
+
+class Mirrored:
+    """A short recording played to and fro, as `Recording` is: what `bags.write` needs of it.
+
+    Played backward, frames show the scene as it was then; events keep their order within a period, so that
+    they are right in rate and size, not in what they show."""
+
+    def __init__(self, recording, periods: int):
+        self.camera, self.periods, self._one = recording.camera, periods, recording
+        self.period_us = int(recording.truth.t_us[-1]) + 5000
+
+    def chunks(self):
+        for k in range(self.periods):
+            e = self._one.events.copy()
+            e["t_us"] += standin.START_US + k * self.period_us
+            yield e
+
+    def timed_frames(self):
+        for k in range(self.periods):
+            times_us, frames = self._one.frames_t_us, self._one.frames
+            if k % 2:
+                times_us, frames = self._one.truth.t_us[-1] - times_us[::-1], frames[::-1]
+            yield from zip((times_us + standin.START_US + k * self.period_us).tolist(), frames, strict=True)
+
+    def arm(self):
+        """Times and joints of the arm, to and fro."""
+        truth = self._one.truth
+        there = follow(standin.arm_poses(truth.T_cam_port))
+        back_us = truth.t_us[-1] - truth.t_us[::-1]
+        parts = [(back_us, there[::-1]) if k % 2 else (truth.t_us, there) for k in range(self.periods)]
+        t_us = [t + standin.START_US + k * self.period_us for k, (t, _) in enumerate(parts)]
+        return np.concatenate(t_us), np.concatenate([joints for _, joints in parts])
+
+
+def main(folder: Path, gigabytes: float) -> None:
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    recording = standin.shifted(recording, -int(recording.truth.t_us[0]))
+    period_gb = (13 * len(recording.events) + recording.frames.nbytes) / 1e9
+    long = Mirrored(recording, int(np.ceil(gigabytes / period_gb)))
+    path, start = folder / "dark__test.bag", time.perf_counter()
+    with atomic(path) as temporary:
+        bags.write(long, temporary, transforms.messages(*long.arm()), calibrated=False)
+    standin.write_hand_eye(folder / published.HAND_EYE)
+    standin.RIG.save(folder / NAME)
+    Camera.davis346().save(folder / CAMERA)
+    print(
+        f"{path.name}: {path.stat().st_size / 1e9:.1f} GB in {time.perf_counter() - start:.0f} s", flush=True
+    )
+    peaks = []
+    for argv in (
+        ("dataset", "check", folder),
+        ("info", path, "--json"),
+        ("evaluate", path, "--modality", "rgb", "--rate", "0.1"),
+        ("evaluate", path, "--modality", "event", "--rate", "0.1"),
+        ("calibrate", path, "--rate", "0.2", "-o", folder / "again.json"),
+        ("calibrate", path, "--rate", "0.2", "-o", folder / "again.json"),  # goes on: only reads
+    ):
+        one = child(MAIN, *argv)
+        peaks.append(one["peak_gb"])
+        print(f"  lmmap {argv[0]}: exit {one['code']}, {one['seconds']:.0f} s, peak {one['peak_gb']:.2f} GB",
+              flush=True)  # fmt: skip
+    path.unlink()
+    print(f"  under {LIMIT_GB} GB: {'yes' if max(peaks) < LIMIT_GB else 'NO'}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        raise SystemExit(__doc__)
+    main(Path(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 6.0)
