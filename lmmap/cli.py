@@ -13,7 +13,7 @@ from pathlib import Path
 import shtab
 from tqdm import tqdm
 
-from . import accuracy, field, photometry, sequences, simulation, vo
+from . import accuracy, field, photometry, reference, sequences, simulation, vo
 from . import commands as work
 from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
@@ -144,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
+    reference.register(command)
     vo.register(command)
     field.register(command)
     return parser
