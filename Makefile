@@ -17,14 +17,18 @@ export OMP_WAIT_POLICY := PASSIVE
 # Chapters run in this environment's kernel, whatever kernels the user has installed.
 export JUPYTER_PREFER_ENV_PATH := 1
 unexport JUPYTER_PATH PYTHONPATH
+# Figures go where each cell is; with another backend there would be none.
+unexport MPLBACKEND
+# Of results and pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
+book reproduce serve lab pdf: export LMMAP_PRECISION := float32
 
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce evaluate test lint book serve lab train bench vo clean
+.PHONY: help env reproduce evaluate test lint book check-book pdf serve lab train bench vo clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000, DATA=FOLDER"
 
 env: $(STAMP)  ## make .venv from environment.txt
@@ -44,9 +48,10 @@ $(STAMP): environment.txt pyproject.toml
 	@touch $@
 	@echo "env: ready"
 
-reproduce: book  ## simulate, estimate, make all tables and figures, build the book (DATA=FOLDER: authors' bags too)
+reproduce: book  ## simulate, estimate, build the book, compare all with the reference (DATA=FOLDER: authors' bags too)
 	@$(if $(DATA),cat "data/derived/recordings/$$(basename "$$(realpath "$(DATA)")")/told.txt")
-	@echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"
+	@status=0; $(BIN)/python -m lmmap check || status=$$?; \
+	echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"; exit $$status
 
 evaluate: env  ## make the accuracy study's results alone, resumable (PROFILE=paper takes hours; JOBS=2: two sequences at once)
 	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --jobs $(or $(JOBS),1)
@@ -75,6 +80,18 @@ book: env  ## build the book, making the results that are absent or old; warning
 	@$(BIN)/jupyter-book build . -W --keep-going --quiet || { rm -rf _build; \
 	  echo "book: failed, see above; _build is gone, or the next build would pass over the page that failed"; exit 1; }
 	@echo "book: _build/html/index.html"
+
+check-book: $(ORACLES)  ## look at the built book in a browser: every page, narrow and wide, light and dark
+	@test -f _build/html/index.html || { echo "check-book: no book yet; make book first"; exit 1; }
+	@$(BIN)/python -m pytest -q -rs tests/check_book.py
+
+pdf: env  ## print the book: _build/pdf/lmmap.pdf (needs latexmk and xelatex)
+	@command -v latexmk >/dev/null && command -v xelatex >/dev/null || { \
+	  echo "pdf: no LaTeX here; on Debian: apt-get install latexmk texlive-xetex texlive-latex-extra fonts-freefont-otf xindy"; exit 1; }
+	@$(MAKE) --no-print-directory book
+	@$(BIN)/jupyter-book build . --builder pdflatex --quiet
+	@mkdir -p _build/pdf && cp _build/latex/lmmap.pdf _build/pdf/
+	@echo "pdf: _build/pdf/lmmap.pdf"
 
 serve: book  ## show the book on http://localhost:8000
 	@echo "serve: http://localhost:$(PORT) (Ctrl-C ends it)"

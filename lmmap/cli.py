@@ -14,7 +14,7 @@ import shtab
 from tqdm import tqdm
 
 from . import commands as work
-from . import field, photometry, sequences, simulation, study, vo
+from . import field, photometry, reference, sequences, simulation, study, vo
 from .core import PAPER, Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recordings import WRITERS
@@ -146,6 +146,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
+    reference.register(command)
     vo.register(command)
     field.register(command)
     return parser

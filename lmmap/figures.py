@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import cycler
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from . import circle
 from .core import Camera, Ellipse, Estimate, Port, Pose, Recording
-from .geometry import circle_conic, circle_ellipse, circle_points_m, project
+from .geometry import circle_points_m, project
 from .pipeline import Estimator, images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
@@ -22,6 +22,7 @@ LINES = ("rgb", "event", "truth", "paper", "rival")
 
 def use_style() -> None:
     """Transparent figures with grey ink, so that light and dark pages can both carry them."""
+    _describe_in_files()
     ink = COLOUR["ink"]
     matplotlib.rcParams.update({
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
@@ -34,83 +35,32 @@ def use_style() -> None:
     })  # fmt: skip
 
 
-def interactive(fig, div_id: str):
-    """A plotly figure as a page element that needs no network: plotly.js comes with the book."""
-    from IPython.display import HTML
-
-    fig.update_layout(template="none", paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
-                      font_color=COLOUR["ink"])  # fmt: skip
-    return HTML(fig.to_html(include_plotlyjs=False, full_html=False, div_id=div_id))
-
-
-def two_circles(radius_m: float, camera: Camera, tilts_deg, distances_m):
-    """Plotly figure with sliders for tilt and distance: a circle, the other one that projects to the same
-    ellipse, and the one that the paper's formula makes of it; and their three ellipses in the image."""
-    from plotly.subplots import make_subplots
-
-    fig = make_subplots(1, 2, specs=[[{"type": "scene"}, {"type": "xy"}]], column_widths=[0.5, 0.5])
-    drawn = {(t, z): list(_three_circles(t, z, radius_m, camera)) for t in tilts_deg for z in distances_m}
-    start = tilts_deg[len(tilts_deg) // 2], distances_m[len(distances_m) // 2]
-    for z in distances_m:
-        for k, (name, colour) in enumerate(
-            (("the ring", "truth"), ("its twin", "rival"), ("printed", "paper"))
-        ):
-            circle_m, contour_px, label = drawn[start[0], z][k]
-            style = {
-                "mode": "lines",
-                "line": {"color": COLOUR[colour], "width": 4 - k},
-                "visible": z == start[1],
-            }
-            x, y, depth = circle_m.T
-            fig.add_scatter3d(x=x, y=depth, z=-y, name=name, showlegend=False, **style, row=1, col=1)
-            u, v = contour_px.T
-            fig.add_scatter(x=u, y=v, name=label, **style, row=1, col=2)
-
-    def tilted(t):
-        curves = [curve for z in distances_m for curve in drawn[t, z]]
-        update = {
-            "x": [c for circle_m, px, _ in curves for c in (circle_m[:, 0].tolist(), px[:, 0].tolist())],
-            "y": [c for circle_m, px, _ in curves for c in (circle_m[:, 2].tolist(), px[:, 1].tolist())],
-            "z": [c for circle_m, _, _ in curves for c in ((-circle_m[:, 1]).tolist(), None)],
-            "name": [label for _, _, label in curves for _ in range(2)],
-        }
-        return {"label": f"{t:g}°", "method": "restyle", "args": [update]}
-
-    def placed(z):
-        return {"label": f"{z:g} m", "method": "restyle",
-                "args": [{"visible": [other == z for other in distances_m for _ in range(6)]}]}  # fmt: skip
-
-    place = {"x": 0.02, "len": 0.44, "pad": {"t": 45}}
-    fig.update_layout(
-        height=500, margin={"l": 0, "r": 0, "t": 10, "b": 140}, legend={"x": 0.55, "y": 1.0},
-        sliders=[
-            {"currentvalue": {"prefix": "tilt "}, "active": tilts_deg.index(start[0]),
-             "steps": [tilted(t) for t in tilts_deg], **place},
-            {"currentvalue": {"prefix": "distance "}, "active": distances_m.index(start[1]),
-             "steps": [placed(z) for z in distances_m], **place, "x": 0.54},
-        ],
-        scene={"aspectmode": "data", "xaxis_title": "x (m)", "yaxis_title": "depth (m)",
-               "zaxis_title": "up (m)", "camera": {"eye": {"x": 2.0, "y": -0.6, "z": 0.7}}},
-    )  # fmt: skip
-    fig.update_xaxes(title="u (px)", range=[0, camera.width_px])
-    fig.update_yaxes(title="v (px)", range=[camera.height_px, 0], scaleanchor="x")
-    return fig
+def describe(fig) -> str:
+    """A figure in words, for who does not see it: its axes' titles, labels and legends; where there are none,
+    what ``set_label`` has said."""
+    texts = []
+    for ax in fig.axes:
+        labels = [text for text in (ax.get_ylabel(), ax.get_xlabel()) if text]
+        lines = [text.get_text() for text in ax.get_legend().get_texts()] if ax.get_legend() else []
+        what = "image" if ax.images else " over ".join(labels) or ax.get_label() or "drawing"
+        texts.append(
+            f"{ax.get_title()}: {what}".removeprefix(": ") + (f" ({', '.join(lines)})" if lines else "")
+        )
+    counts = Counter(" ".join(text.split()) for text in texts)
+    return "; ".join(f"{n} times {text}" if n > 1 else text for text, n in counts.items())
 
 
-def _three_circles(tilt_deg: float, distance_m: float, radius_m: float, camera: Camera):
-    """Points in space (N, 3), points in the image (N, 2) and a label, of each circle of `two_circles`."""
-    turn = Rotation.from_rotvec([0, np.deg2rad(tilt_deg), 0]) * Rotation.from_rotvec([np.pi, 0, 0])
-    truth = Pose(turn.as_matrix(), [0.0, 0.0, distance_m])
-    seen = circle_ellipse(truth, radius_m, camera)
-    pair, printed = circle.poses(seen, camera, radius_m), circle.paper_poses(seen, camera, radius_m)
-    nearest = int(np.argmax(pair.normal @ truth.normal))
-    chosen = (truth, "the ring"), (pair[1 - nearest], "its twin"), (printed[nearest], "printed")
-    x = np.column_stack([seen.points(), np.ones(360)])
-    for T, name in chosen:
-        Cx = x @ circle_conic(T, radius_m, camera)
-        gap_px = np.abs(np.sum(x * Cx, 1) / (2 * np.linalg.norm(Cx[:, :2], axis=1))).max()
-        points_m = T @ circle_points_m(radius_m, 40)[np.r_[:40, 0]]
-        yield points_m.round(4), project(points_m, camera).round(1), f"{name}: {gap_px:.2f} px"
+def _describe_in_files() -> None:
+    """In a notebook, write each figure's description into its PNG file, where the book's pages find it."""
+    from IPython import get_ipython
+    from IPython.core.pylabtools import print_figure
+
+    if shell := get_ipython():
+        plt.switch_backend(matplotlib.get_backend())  # now, or its own formatter would come after ours
+        shell.display_formatter.formatters["image/png"].for_type(
+            plt.Figure,
+            lambda fig: print_figure(fig, "png", base64=True, metadata={"Description": describe(fig)}),
+        )
 
 
 def show_image(ax, image, title: str = "") -> None:
@@ -223,48 +173,8 @@ def draw_tracked(ax, times_s: dict[str, list[np.ndarray]], gap_s: float = 0.3) -
             at += 1
         at += 2
     ax.set_yticks(rows, list(times_s))
-    ax.invert_yaxis()
+    ax.set_ylim(at - 1, -1)  # not inverted, which two axes that share it would undo
     ax.grid(axis="y", visible=False)
-
-
-def draw_architecture(ax, net, size_px) -> None:
-    """The layers of a `FilterNet` as boxes, as tall as their maps and as wide as their channels say;
-    sizes are those of a pass through the net itself."""
-    shapes = _shapes(net, size_px)
-    x, tops = 0.0, []
-    for name, (channels, height, width) in shapes:
-        w, h = 0.25 + 0.25 * np.log2(max(channels, 1)) / 2, 4.0 * height / shapes[0][1][1]
-        colour = COLOUR["rgb"] if name.startswith("down") else COLOUR["event"]
-        colour = colour if name != "input" else COLOUR["ink"]
-        ax.add_patch(plt.Rectangle((x, -h / 2), w, h, facecolor=colour, alpha=0.6, edgecolor=COLOUR["ink"]))
-        ax.text(x + w / 2, -2.35, f"{channels}\n{width} x {height}", ha="center", va="top", fontsize=7)
-        tops.append((x + w / 2, h / 2))
-        x += w + 0.75
-    for (a, b), level in zip(((1, 5), (2, 4)), (2.9, 2.45), strict=True):  # the skips
-        (xa, ya), (xb, yb) = tops[a], tops[b]
-        ax.plot([xa, xa, xb, xb], [ya, level, level, yb], color=COLOUR["truth"], lw=1.2)
-    ax.set(xlim=(-0.3, x), ylim=(-3.2, 3.2))
-    ax.set_axis_off()
-
-
-def _shapes(net, size_px) -> list[tuple[str, tuple]]:
-    """(name, (channels, height, width)) of the input and of what each stage gives on."""
-    import torch
-
-    found = []
-    layers = [
-        *((f"down {i}", m) for i, m in enumerate(net.down)),
-        *((f"up {i}", m) for i, m in enumerate(net.up[:2])),
-    ]
-    hooks = [m.register_forward_hook(lambda m, i, o, n=n: found.append((n, o.shape[1:]))) for n, m in layers]
-    width, height = size_px
-    channels = net.down[0].in_channels
-    with torch.inference_mode():
-        last = net(torch.zeros(1, channels, height, width))
-    for hook in hooks:
-        hook.remove()
-    pooled = [(n, (s[0], s[1] // 2, s[2] // 2) if n.startswith("down") else tuple(s)) for n, s in found]
-    return [("input", (channels, height, width)), *pooled, ("up 2", tuple(last.shape[1:]))]
 
 
 def mask_errors(found, truth) -> np.ndarray:

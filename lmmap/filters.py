@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -82,7 +83,10 @@ def up_to_one_channel(parts, weight, bias):
 
 
 def best_precision() -> str:
-    """``"bfloat16"`` where the processor multiplies it in hardware (AVX-512 BF16 or AMX)."""
+    """The environment's ``LMMAP_PRECISION``, or ``"bfloat16"`` where the processor multiplies it in hardware
+    (AVX-512 BF16 or AMX)."""
+    if wanted := os.environ.get("LMMAP_PRECISION"):
+        return wanted
     probes = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")
     fast = any(getattr(torch.cpu, probe, lambda: False)() for probe in probes)
     return "bfloat16" if fast else "float32"

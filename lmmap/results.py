@@ -16,6 +16,10 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "data"
 DERIVED = DATA / "derived"
+# all that a chapter's output depends on besides its own cells
+OF_PAGES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json", "data/results/**/*",
+            "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
+            "data/derived/recordings/*/summary.csv", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 
@@ -31,6 +35,15 @@ def fingerprint(*extra: str, patterns=("lmmap/*.py", "data/weights/*", "environm
         for path in sorted(ROOT.glob(pattern)):
             digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
+
+
+def page_fingerprint(root: Path = ROOT) -> str:
+    """Hash of the profile, and of names and contents of all that the book's pages are made of."""
+    digest = hashlib.sha256(profile().encode())
+    for path in sorted(p for pattern in OF_PAGES for p in root.glob(pattern) if p.is_file()):
+        digest.update(f"{path.relative_to(root)}\0".encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()[:16]
 
 
 def commit() -> str:

@@ -1,12 +1,14 @@
 """The book without a build: what each page must have, that references resolve, that pins are exact."""
 
 import ast
-import importlib.util
+import os
 import re
 from pathlib import Path
 
 import pytest
 import yaml
+
+from lmmap.results import page_fingerprint
 
 ROOT = Path(__file__).parents[1]
 BOOK = ROOT / "book"
@@ -125,6 +127,13 @@ def test_pins_are_exact():
     assert not [name for name in names if re.match("nvidia|cuda|triton", name)]
 
 
+def test_binder_installs_the_pins():
+    script = ROOT / "binder" / "postBuild"
+    assert os.access(script, os.X_OK) and "-r environment.txt" in script.read_text()
+    minor = re.fullmatch(r"python-3\.(\d+)\n", (ROOT / "binder" / "runtime.txt").read_text())[1]
+    assert 11 <= int(minor) <= 13
+
+
 def test_every_direct_dependency_has_its_reason():
     direct = re.findall(r"^([\w.-]+)==", ENVIRONMENT.split("# indirect")[0], re.M)
     section = (ROOT / "DESIGN.md").read_text().split("## Dependencies")[1]
@@ -141,21 +150,19 @@ def test_every_oracle_has_its_pin_and_its_reason():
     assert sorted(re.findall(r"^\| ([\w.-]+) \| .+ \| .+ \|$", section, re.M)) == sorted([*direct, "package"])
 
 
-def test_the_cache_is_named_by_what_pages_depend_on(tmp_path):
-    spec = importlib.util.spec_from_file_location("lmmap_book", BOOK / "_ext" / "lmmap_book.py")
-    extension = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(extension)
-    name = extension.sources_hash
+def test_the_cache_is_named_by_what_pages_depend_on(tmp_path, monkeypatch):
     module = tmp_path / "lmmap" / "core.py"
     module.parent.mkdir()
-    names = [name(tmp_path)]
+    names = [page_fingerprint(tmp_path)]
     for text in ("a = 1\n", "a = 2\n"):
         module.write_text(text)
-        names.append(name(tmp_path))
+        names.append(page_fingerprint(tmp_path))
     (tmp_path / "data" / "results" / "paper").mkdir(parents=True)
     (tmp_path / "data" / "results" / "paper" / "table.csv").write_text("x\n")
-    names.append(name(tmp_path))
+    names.append(page_fingerprint(tmp_path))
+    monkeypatch.setenv("PROFILE", "another")
+    names.append(page_fingerprint(tmp_path))
     assert len(set(names)) == len(names)
     (tmp_path / "data" / "derived").mkdir()
     (tmp_path / "data" / "derived" / "scratch.npz").write_text("y\n")
-    assert name(tmp_path) == names[-1]
+    assert page_fingerprint(tmp_path) == names[-1]

@@ -96,7 +96,10 @@ def test_bfloat16_finds_the_same_mask(modality):
     assert ((plain > 0.5) & (fast > 0.5)).sum() >= 0.98 * ((plain > 0.5) | (fast > 0.5)).sum() > 0
 
 
-def test_precision_is_one_that_the_processor_has_or_that_was_asked_for():
+def test_precision_is_one_that_the_processor_has_or_that_was_asked_for(monkeypatch):
+    monkeypatch.setenv("LMMAP_PRECISION", "float32")
+    assert best_precision() == "float32"
+    monkeypatch.delenv("LMMAP_PRECISION")
     assert Filter(net(), "event").precision == best_precision() in ("float32", "bfloat16")
     assert Filter(net(), "event", "float32").precision == "float32"
     with pytest.raises(ValueError, match="float64"):

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 import shutil
 from pathlib import Path
 
+import nbformat
 import plotly
+from docutils import nodes
+from lmmap_sources import sources
+from PIL import Image
+from sphinx.addnodes import pending_xref
 
-# all that a chapter's output depends on besides its own cells
-SOURCES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/results/**/*",
-           "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
-           "data/derived/recordings/*/summary.csv", "environment.txt")  # fmt: skip
-
-
-def sources_hash(root: Path) -> str:
-    """Hash of the profile, and of names and contents of everything in ``SOURCES`` below ``root``."""
-    digest = hashlib.sha256(os.environ.get("PROFILE", "").encode())
-    for path in sorted(p for pattern in SOURCES for p in root.glob(pattern) if p.is_file()):
-        digest.update(f"{path.relative_to(root)}\0".encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()[:16]
+from lmmap.results import page_fingerprint
 
 
 def name_cache(app, config) -> None:
@@ -31,7 +22,7 @@ def name_cache(app, config) -> None:
     jupyter-cache's own key is the chapter's cells, so an edited module would show stale output.
     """
     caches = Path(app.outdir).parent / "execution"
-    current = caches / sources_hash(Path(app.srcdir))
+    current = caches / page_fingerprint(Path(app.srcdir))
     for old in caches.glob("*"):
         if old != current:
             shutil.rmtree(old)
@@ -65,6 +56,46 @@ def prepare_static(app) -> None:
         shutil.copy(Path(plotly.__file__).parent / "package_data" / "plotly.min.js", static)
 
 
+def drop_preloads(app, exception) -> None:
+    """Without the theme's hints to fetch fonts early: of a page opened as a file, browsers refuse them."""
+    if exception is None and app.builder.format == "html":
+        for page in Path(app.outdir).rglob("*.html"):
+            text = page.read_text()
+            rest = re.sub(r'\s*<link rel="preload" as="font"[^>]*>', "", text)
+            if rest != text:
+                page.write_text(rest)
+
+
+def describe_figures(app, doctree) -> None:
+    """Under each figure the functions and data it is made of; its alternative text from the file itself."""
+    executed = Path(app.outdir).parent / "jupyter_execute" / f"{app.env.docname}.ipynb"
+    if not executed.exists():
+        return
+    cells = nbformat.read(executed, 4).cells
+    of = sources([cell.source if cell.cell_type == "code" else "" for cell in cells])
+    for cell in doctree.findall(lambda n: isinstance(n, nodes.container) and "cell" in n["classes"]):
+        images = list(cell.findall(nodes.image))
+        for image in images:
+            if not image.get("alt"):
+                image["alt"] = Image.open(Path(app.srcdir) / image["uri"]).info.get("Description", "")
+        if (images or needs_plotly(cell)) and of[cell["cell_index"]]:
+            cell += made_of(of[cell["cell_index"]])
+
+
+def made_of(names: set[str]) -> nodes.paragraph:
+    """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
+    line = nodes.paragraph(classes=["made-of"])
+    for word, some in (("Made by ", [n for n in names if n.startswith("lmmap.")]),
+                       (" from ", [n for n in names if not n.startswith("lmmap.")])):  # fmt: skip
+        for name in sorted(some):
+            line += nodes.Text(word)
+            shown = nodes.literal(text=name.removeprefix("lmmap."))
+            link = {"refdomain": "py", "reftype": "obj", "reftarget": name}
+            line += pending_xref("", shown, **link) if name.startswith("lmmap.") else shown
+            word = ", "
+    return line
+
+
 def escape_mathematics(app, what, name, obj, options, lines) -> None:
     """Docstrings write |x| and a * b; reStructuredText would read substitutions and emphasis."""
     literal_or_sign = re.compile(r"(``.*?``)|[|*]")
@@ -76,4 +107,6 @@ def setup(app):
     app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", prepare_static)
+    app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
+    app.connect("build-finished", drop_preloads)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

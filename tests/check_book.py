@@ -1,0 +1,153 @@
+"""The built book as a reader's browser shows it; run by ``make check-book``, after ``make book``.
+
+Not part of ``make test``, which has no book to look at.
+"""
+
+import functools
+import http.server
+import re
+import threading
+from html.parser import HTMLParser
+from urllib.parse import unquote, urldefrag, urljoin, urlsplit
+
+import pytest
+from browser import PROGRAM, chromium
+
+from lmmap.results import ROOT
+
+BOOK = ROOT / "_build" / "html"
+PAGES = sorted(BOOK.rglob("*.html"))
+CHAPTERS = sorted(BOOK.glob("book/*.html"))
+WIDTHS_PX = (390, 1280, 1920)
+NAMES = {page: str(page.relative_to(BOOK)) for page in PAGES if not page.match("_static/**")}
+
+every_page = pytest.mark.parametrize("name", NAMES.values())
+in_browser = pytest.mark.skipif(
+    PROGRAM is None, reason="no chromium here; on Debian: apt-get install chromium"
+)
+
+
+class Anchors(HTMLParser):
+    """What a page links to, what may be linked to in it, and its images' alternative texts."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.links, self.places, self.images = [], {""}, []
+        self.feed(page.read_text())
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.places |= {found[key] for key in ("id", "name") if found.get(key)}
+        if tag == "img":
+            self.images.append((found.get("src", ""), found.get("alt")))
+        self.links += [found[key] for key in ("href", "src") if found.get(key)]
+
+
+@functools.cache
+def anchors(page):
+    return Anchors(page)
+
+
+def test_there_is_a_page_for_every_chapter():
+    chapters = {path.stem for path in (ROOT / "book").glob("*.md")}
+    assert {page.stem for page in CHAPTERS} == chapters and len(chapters) > 10
+
+
+@every_page
+def test_links_resolve(name):
+    page = BOOK / name
+    for link in anchors(page).links:
+        address, place = urldefrag(urljoin(page.as_uri(), link))
+        if urlsplit(address).scheme == "file":
+            target = BOOK.__class__(unquote(urlsplit(address).path))
+            assert target.is_file(), f"{link}: no such file"
+            if target.suffix == ".html" and place:
+                assert unquote(place) in anchors(target).places, f"{link}: no such place"
+
+
+@every_page
+def test_images_have_alternative_texts(name):
+    poor = [
+        src for src, alt in anchors(BOOK / name).images if not alt or re.fullmatch(r"\.\./_images/.*", alt)
+    ]
+    assert poor == []
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    with chromium(tmp_path_factory.mktemp("chromium")) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def site():
+    """Address of the book on a server of this machine."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    handler = functools.partial(Quiet, directory=BOOK)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+@in_browser
+@pytest.mark.parametrize(
+    "name", [n for n in NAMES.values() if n != "index.html" and not n.startswith("_modules")]
+)
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_page_loads_alone_quietly_and_fits(page, site, name, theme):
+    home = site if theme == "light" else BOOK.as_uri() + "/"  # a server's page, and a file opened
+    page.show_as(1280, theme=theme)
+    page.open(home + name)
+    assert [asked for asked in page.requests() if not asked.startswith(home)] == []
+    assert page.ask("document.documentElement.dataset.theme") in (theme, None)
+    for width_px in WIDTHS_PX:
+        page.show_as(width_px, theme=theme)
+        assert page.ask("document.documentElement.scrollWidth") <= width_px, f"scrolls at {width_px} px"
+    assert page.ask("[...document.images].filter(i => i.complete && !i.naturalWidth).map(i => i.src)") == []
+    assert page.complaints() == []
+
+
+@in_browser
+def test_the_first_page_leads_to_the_introduction(page, site):
+    page.open(site)
+    assert page.wait_for("location.pathname.endsWith('intro.html')")
+
+
+@in_browser
+def test_search_finds_the_ellipse(page, site):
+    page.show_as(1280)
+    page.open(site + "search.html?q=ellipse")
+    page.wait_for("document.querySelector('#search-results a[href*=\"ellipses.html\"]')?.textContent")
+
+
+def figures_that_move():
+    return [name for page, name in NAMES.items() if "Plotly.newPlot" in page.read_text()]
+
+
+@in_browser
+def test_every_interactive_figure_answers_its_slider(page, site):
+    assert figures_that_move()
+    for name in figures_that_move():
+        page.show_as(1280, 1000)
+        page.open(site + name)
+        count = page.wait_for("document.querySelectorAll('.js-plotly-plot .slider-group').length")
+        for k in range(count):
+            before, after = (move_slider(page, k, share) for share in (0.1, 0.9))
+            assert before != after, f"{name}: slider {k} moves nothing"
+
+
+def move_slider(page, number: int, share: float) -> str:
+    """What a figure draws once its slider was clicked at this share of its length."""
+    slider = f"document.querySelectorAll('.js-plotly-plot .slider-group')[{number}]"
+    page.ask(f"{slider}.closest('.js-plotly-plot').scrollIntoView({{block: 'center', behavior: 'instant'}})")
+    page.ask("new Promise(done => setTimeout(done, 400))")
+    box = page.ask(f"{slider}.querySelector('.slider-rail-touch-rect').getBoundingClientRect().toJSON()")
+    page.click(box["left"] + share * box["width"], box["top"] + box["height"] / 2)
+    page.ask("new Promise(done => setTimeout(done, 400))")
+    drawn = f"{slider}.closest('.js-plotly-plot')"
+    return page.ask(f"JSON.stringify([{drawn}.data, {drawn}.layout.title])")

@@ -1,0 +1,55 @@
+"""The book's own build, of a book with one page: no stale output, and no page with a broken cell."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lmmap.results import ROOT
+
+JUPYTER_BOOK = Path(sys.executable).with_name("jupyter-book")
+PAGE = """---
+jupytext: {text_representation: {extension: .md, format_name: myst}}
+kernelspec: {name: python3, display_name: Python 3}
+---
+# One page
+
+```{code-cell}
+import runpy
+
+print("It is", runpy.run_path("../lmmap/number.py")["NUMBER"])
+```
+"""
+
+
+@pytest.fixture
+def book(tmp_path):
+    for name in ("_config.yml", "book/_ext", "book/references.bib", "book/_static/logo.svg",
+                 "book/_static/favicon.svg", "book/_static/custom.css"):  # fmt: skip
+        target = tmp_path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, target)
+    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: book/page\n")
+    (tmp_path / "book" / "page.md").write_text(PAGE)
+    (tmp_path / "lmmap").mkdir()
+    return tmp_path
+
+
+def build(book, number: str) -> tuple[int, str]:
+    """Exit code of the Makefile's command, and what it said and the page, with this in the module."""
+    (book / "lmmap" / "number.py").write_text(f"NUMBER = {number}\n")
+    command = [JUPYTER_BOOK, "build", book, "-W", "--keep-going", "--quiet"]
+    environment = os.environ | {"JUPYTER_PREFER_ENV_PATH": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    page = book / "_build" / "html" / "book" / "page.html"
+    return done.returncode, done.stderr + (page.read_text() if page.exists() else "")
+
+
+def test_the_next_build_after_an_edit_shows_what_the_module_does_now(book):
+    code, page = build(book, "1")
+    assert code == 0 and "It is 1" in page, page
+    code, page = build(book, "1 / 0")  # a stale page would say that it is 1, and a tolerant build succeed
+    assert code != 0 and "ZeroDivisionError" in page, page
