@@ -166,16 +166,17 @@ def test_a_rivals_covariance_is_turned_with_its_normal():
 
 
 def test_lost_after_silence_and_begun_anew_elsewhere():
-    far = moved(T0, np.array([0.2, 0.1, 0.1, 0, 0.5, 0]))
+    far, lost_us = moved(T0, np.array([0.2, 0.1, 0.1, 0, 0.5, 0])), round(1e6 * Motion().lost_s)
     filter_ = Fusion(PERIOD)
     filter_.add({"rgb": seen(0)})
-    assert filter_.at(450_000).status == Status.OK
-    later = filter_.at(600_000)
+    assert filter_.at(lost_us).status == Status.OK
+    later = filter_.at(lost_us + 1)
     assert (later.status, later.T_cam_port) == (Status.NO_RING, None)
-    filter_.add({"rgb": Estimate(650_000, Status.NO_ELLIPSE), "event": Estimate(650_000, Status.NO_RING)})
-    assert filter_.at(650_000).status == Status.NO_ELLIPSE
-    filter_.add({"event": seen(700_000, far)})
-    np.testing.assert_allclose(filter_.at(700_000).T_cam_port.position_m, far.position_m)
+    late_us = lost_us + 50_000
+    filter_.add({"rgb": Estimate(late_us, Status.NO_ELLIPSE), "event": Estimate(late_us, Status.NO_RING)})
+    assert filter_.at(late_us).status == Status.NO_ELLIPSE
+    filter_.add({"event": seen(late_us + 1, far)})
+    np.testing.assert_allclose(filter_.at(late_us + 1).T_cam_port.position_m, far.position_m)
 
 
 def test_waiting_loosens_what_is_known():
