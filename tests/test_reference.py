@@ -153,7 +153,7 @@ def project(made, monkeypatch, tmp_path):
     return made
 
 
-def test_check_says_what_has_changed_and_fails(project, capsys):
+def test_check_says_what_has_changed_and_fails(project, capsys, monkeypatch):
     assert cli.main(["check"]) == 1
     assert "no reference" in capsys.readouterr().err
     assert cli.main(["check", "--update"]) == 0 and cli.main(["check"]) == 0
@@ -162,6 +162,8 @@ def test_check_says_what_has_changed_and_fails(project, capsys):
     assert cli.main(["check"]) == 1
     out, err = capsys.readouterr()
     assert "low ours: 0.512 -> 0.5376" in out and len(err.splitlines()) == 1
+    monkeypatch.setattr(reference, "processor", lambda: "another")
+    assert cli.main(["check"]) == 0 and "another kind" in capsys.readouterr().out
     assert cli.main(["check", "--update"]) == 0 and cli.main(["check"]) == 0
 
 
