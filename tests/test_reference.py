@@ -41,6 +41,7 @@ def write_chapter(chapters, numbers, png):
 
 
 @functools.cache
+@plt.style.context("default")  # whatever other tests have set
 def figure(scale=1.0, label="error (mm)"):
     fig, ax = plt.subplots(figsize=(7.0, 3.2), dpi=110)
     x = np.linspace(0, 1, 200)
