@@ -9,38 +9,16 @@ import os
 import time
 
 import numpy as np
+import plain
 import torch
-from torch.nn import functional as F
 
 from lmmap.core import PAPER
-from lmmap.filters import FILTERS, PRECISIONS, best_precision, encode
+from lmmap.filters import FILTERS, PRECISIONS, best_precision
 from lmmap.pipeline import Estimator, images, markers_box_px
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
 ROUNDS = 21
-
-
-@torch.inference_mode()
-def plain(net, image, modality):
-    """The network as one writes it first: ReLU before pooling, channels first, the whole frame."""
-    x = encode(image[None], modality)
-    height, width = x.shape[-2:]
-    x = F.pad(x, (0, -width % 8, 0, -height % 8), mode="replicate")
-    pooled = []
-    for convolution in net.down:
-        x = F.max_pool2d(F.relu(convolution(x)), 2)
-        pooled.append(x)
-    x = torch.cat([F.relu(net.up[0](x)), pooled[1]], 1)
-    x = torch.cat([F.relu(net.up[1](x)), pooled[0]], 1)
-    return torch.sigmoid(net.up[2](x)[0, 0, :height, :width]).numpy()
-
-
-def contiguous(net):
-    """A copy of a network with its weights in PyTorch's default layout."""
-    copy = type(net)(net.down[0].in_channels)
-    copy.load_state_dict(net.state_dict())
-    return copy.eval().to(memory_format=torch.contiguous_format)
 
 
 def overlap(a, b):
@@ -55,13 +33,13 @@ def main():
     for modality in ("rgb", "event"):
         ours = {p: Estimator(recording.camera, modality=modality, precision=p) for p in PRECISIONS}
         exact = ours["float32"]
-        nets = [contiguous(f._net) for f in (exact.ring_filter, exact.reflector_filter)]
+        nets = plain.nets(modality)
         _, image = list(images(recording, modality))[-5]
         candidates = exact.candidates(exact.find_ring(exact.ring_filter(image))[0].ellipse)
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):
             start = time.perf_counter()
-            peers = [plain(net, image, modality) for net in nets]
+            peers = [plain.mask(net, image, modality) for net in nets]
             seconds["plain"].append(time.perf_counter() - start)
             masks = {}
             for precision, estimator in ours.items():

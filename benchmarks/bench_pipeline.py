@@ -17,15 +17,14 @@ import time
 from pathlib import Path
 
 import numpy as np
+import plain
 import torch
-from safetensors.torch import load_file
-from torch.nn import functional as F
 
 from lmmap import circle, ellipse, yaw
 from lmmap.contour import Contour
 from lmmap.core import PAPER
 from lmmap.events import histogram
-from lmmap.filters import CHANNELS, FILTERS, FilterNet, encode, weight_path
+from lmmap.filters import FILTERS
 from lmmap.pipeline import Estimator, answered, images
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
@@ -53,35 +52,11 @@ class Watch:
         return {stage: 1e3 * float(np.median(s)) for stage, s in self.seconds.items()}
 
 
-def plain_nets(modality: str) -> list[FilterNet]:
-    nets = []
-    for name in FILTERS:
-        net = FilterNet(CHANNELS[modality])
-        net.load_state_dict({k: v.float() for k, v in load_file(weight_path(name, modality)).items()})
-        nets.append(net.eval())
-    return nets
-
-
-@torch.inference_mode()
-def plain_mask(net: FilterNet, image: np.ndarray, modality: str) -> np.ndarray:
-    """The network as one writes it first: ReLU before pooling, channels first, the whole frame."""
-    x = encode(image[None], modality)
-    height, width = x.shape[-2:]
-    x = F.pad(x, (0, -width % 8, 0, -height % 8), mode="replicate")
-    pooled = []
-    for convolution in net.down:
-        x = F.max_pool2d(F.relu(convolution(x)), 2)
-        pooled.append(x)
-    x = torch.cat([F.relu(net.up[0](x)), pooled[1]], 1)
-    x = torch.cat([F.relu(net.up[1](x)), pooled[0]], 1)
-    return torch.sigmoid(net.up[2](x)[0, 0, :height, :width]).float().numpy()
-
-
-def plain(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
+def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
     """The paper's procedure; whether it came to a pose."""
     camera, port, modality = estimator.camera, estimator.port, estimator.modality
     ring, reflectors = (
-        watch(f"{n} filter", plain_mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
+        watch(f"{n} filter", plain.mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
     )
     points = watch("skeleton", ellipse.skeleton_points, ring)
     found, _ = watch("ellipse", ellipse.paper_ransac, points, np.random.default_rng(0))
@@ -117,16 +92,16 @@ def main() -> None:
     print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
     some = recording.events[: PAPER.events_per_window]
     for modality in ("rgb", "event"):
-        estimator, nets = Estimator(recording.camera, modality=modality), plain_nets(modality)
+        estimator, nets = Estimator(recording.camera, modality=modality), plain.nets(modality)
         shots = [image for _, image in images(recording, modality)][:IMAGES]
         answers = [estimator(image) for image in shots[:3]]  # warms up, too
-        plain(Watch(), nets, estimator, shots[0])
+        papers(Watch(), nets, estimator, shots[0])
         stages, peer, whole, peer_whole, binning = Watch(), Watch(), Watch(), Watch(), Watch()
         for image in shots:
             if modality == "event":
                 binning("histogram", histogram, some["x"], some["y"], recording.camera.size_px)
             answers.append(whole("whole", estimator, image))
-            peer_whole("whole", plain, peer, nets, estimator, image)
+            peer_whole("whole", papers, peer, nets, estimator, image)
             ours(stages, estimator, image)
         bin_ms = binning.ms().get("histogram", 0.0)
         a, b = whole.ms()["whole"] + bin_ms, peer_whole.ms()["whole"] + bin_ms

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lmmap import joint, sequences, uncertainty, yaw
 from lmmap.contour import Contour
-from lmmap.core import Pose
-from lmmap.geometry import in_view, rotation_z
-from lmmap.metrics import normal_error_rad, position_error_m
+from lmmap.core import Port, Pose
+from lmmap.geometry import in_view
+from lmmap.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.pipeline import Estimator, images
 from lmmap.recordings import open_recording, write_npz
 from lmmap.results import DATA, DERIVED, save_table
@@ -54,13 +53,9 @@ def measured(estimator: Estimator, name: str):
             yield ring, reflectors, fit, truth
 
 
-def left_error(T: Pose, truth: Pose, period_rad: float) -> np.ndarray:
-    """(dx, dy, dz, rx, ry, rz) from an estimate to the truth, modulo the port's symmetry."""
-    turns = rotation_z(np.arange(round(2 * np.pi / period_rad)) * period_rad)
-    rotations = Rotation.from_matrix(truth.rotation @ turns @ T.rotation.T)
-    return np.concatenate(
-        [truth.position_m - T.position_m, rotations.as_rotvec()[rotations.magnitude().argmin()]]
-    )
+def difference(T: Pose, truth: Pose, port: Port) -> np.ndarray:
+    """`pose_difference` of one pose, (6,)."""
+    return pose_difference(T[None], truth[None], port.yaw_period_rad)[0]
 
 
 def errors(T: Pose, truth: Pose) -> tuple[float, float]:
@@ -88,7 +83,7 @@ def calibrate(modality: str) -> pd.DataFrame:
         known = uncertainty.pose_uncertainty(T, ring.points_px, ring.sigma_px, port.ring_radius_m, camera)
         ring_nees.append(uncertainty.chart_nees(T, truth, known.chart, port.ring_radius_m, camera))
         if right[-1]:
-            turned = left_error(T, truth, port.yaw_period_rad)[3:] @ T.normal
+            turned = difference(T, truth, port)[3:] @ T.normal
             yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
     inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
     rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [])]
@@ -100,7 +95,7 @@ def calibrate(modality: str) -> pd.DataFrame:
             T = found.T_cam_port if found else fit.T_cam_port
             after.append(errors(T, truth))
             if found:
-                d = left_error(T, truth, port.yaw_period_rad)
+                d = difference(T, truth, port)
                 nees.append(d @ np.linalg.solve(found.covariance, d))
         rows.append(row(modality, sigma_px, after, nees))
     return pd.DataFrame(rows).assign(

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from .core import Pose, Trajectory, frozen_array
-from .geometry import rotation_vector, rotation_z
+from .geometry import rotation_angle_rad, rotation_vector, rotation_z
 
 SIGMA_M, SIGMA_RAD = 0.004, np.deg2rad(2.0)  # of a detection, where it does not say; rescaled by the fit
 FLOOR_M, FLOOR_RAD = 0.0005, np.deg2rad(0.2)  # no detection is known better, whatever its covariance
@@ -182,8 +182,8 @@ def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
     _check(jacobian, variance, free)
     sigma, errors_m, errors_rad = _jackknife(problem, x, free, len(detected))
     X, Y = problem.transforms(x)
-    angle = [np.linalg.norm(Rotation.from_matrix(Y.rotation @ R).as_rotvec()) for R in turns]
-    Y = Pose(Y.rotation @ turns[np.argmin(angle)], Y.position_m)
+    nearest = np.argmin(rotation_angle_rad(Y.rotation @ turns))
+    Y = Pose(Y.rotation @ turns[nearest], Y.position_m)
     return HandEye(X, Y, float(np.exp(x[12])), float(x[13]), sigma, weight > 0, errors_m, errors_rad)
 
 

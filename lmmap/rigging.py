@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from . import handeye
 from .core import Estimate, InputError, Port, Pose, Trajectory
+from .geometry import rotation_angle_rad
 from .rig import Rig
 
 DIFFERS_M, DIFFERS_RAD = 0.02, np.deg2rad(3.0)  # a hand-eye file this far from our own estimate is doubted
@@ -98,7 +98,7 @@ def _differs(data, known: Pose) -> dict:
         free = handeye.solve(*data)
     except ValueError:  # enough for the port, not for both
         return {}
-    angle = np.linalg.norm(Rotation.from_matrix(free.T_cam_root.rotation @ known.rotation.T).as_rotvec())
+    angle = rotation_angle_rad(free.T_cam_root.rotation @ known.rotation.T)
     distance_m = np.linalg.norm(free.T_cam_root.inverse.position_m - known.inverse.position_m)
     return {
         "file_differs_mm": 1e3 * float(distance_m),

@@ -60,3 +60,8 @@ def _rotation(angles):
 
 def seeds():
     return st.integers(0, 2**32 - 1)
+
+
+def cut(events: np.ndarray, rng, pieces: int = 7) -> list[np.ndarray]:
+    """An array in random pieces, some of them empty."""
+    return np.split(events, np.sort(rng.integers(0, len(events) + 1, pieces - 1)))

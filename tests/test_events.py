@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import seeds
+from strategies import cut, seeds
 
 from lmmap.core import EVENT, PAPER
 from lmmap.events import histogram, scaled_count, windows, windows_at, windows_before, windows_of
@@ -71,15 +71,11 @@ def some_events(rng, count):
     return e
 
 
-def cut(rng, events):
-    return np.split(events, np.sort(rng.integers(0, len(events) + 1, 6)))
-
-
 @given(st.integers(0, 400), st.integers(1, 60), st.integers(0, 99))
 def test_windows_of_a_stream_do_not_depend_on_its_chunks(total, count, seed):
     rng = np.random.default_rng(seed)
     e = some_events(rng, total)
-    streamed = list(windows_of(cut(rng, e), count))
+    streamed = list(windows_of(cut(e, rng), count))
     assert len(streamed) == len(windows(e, count))
     for got, s in zip(streamed, windows(e, count), strict=True):
         np.testing.assert_array_equal(got, e[s])
@@ -92,7 +88,7 @@ def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz,
     first, last = int(e["t_us"][0]), int(e["t_us"][-1])
     ticks = [first + int(k * 1e6 / rate_hz) for k in range(1, int((last - first) * rate_hz / 1e6) + 2)]
     expected = [s for s in windows_before(e, [t for t in ticks if t < last], count) if s is not None]
-    streamed = list(windows_at(cut(rng, e), rate_hz, count))
+    streamed = list(windows_at(cut(e, rng), rate_hz, count))
     assert len(streamed) == len(expected)
     for got, s in zip(streamed, expected, strict=True):
         np.testing.assert_array_equal(got, e[s])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from strategies import cut
 
 from lmmap.core import EVENT, Camera, InputError
 from lmmap.recordings import WRITERS, open_recording, open_stream, write_recording
@@ -17,10 +18,6 @@ def events(count: int, rng) -> np.ndarray:
     e["t_us"] = np.sort(rng.integers(0, 1000, count))
     e["x"], e["y"] = rng.integers(0, 64, count), rng.integers(0, 48, count)
     return e
-
-
-def cut(e: np.ndarray, rng) -> list[np.ndarray]:
-    return np.split(e, np.sort(rng.integers(0, len(e) + 1, 5)))
 
 
 @given(st.integers(0, 500), st.integers(1, 100), st.integers(0, 99))
