@@ -137,8 +137,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--modality", choices=tuple(CHANNELS), help="default: both")
     sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="default: all")
     sub.add_argument("--seed", type=int, default=0)
-    sub.add_argument("--steps", type=int, default=2000)
-    sub.add_argument("--start-from", choices=DOMAIN_GAPS, default="", help="other weights to go on from")
+    sub.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
+    sub.add_argument("--start-from", choices=DOMAIN_GAPS,
+                     help="weights to go on from (default: low for robust, else none)")  # fmt: skip
+    sub.add_argument("--restart", type=int, help="step at which the learning rate starts anew")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
@@ -230,7 +232,9 @@ def train(a) -> None:
     names = [a.filter] if a.filter else FILTERS
     modalities = [a.modality] if a.modality else CHANNELS
     for gap, name, modality in product(gaps, names, modalities):
-        recipe = training.Recipe(name, modality, gap, a.seed, a.steps, start_from=a.start_from)
+        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
+        changes = {key: value for key, value in asked.items() if value is not None}
+        recipe = training.Recipe.shipped(name, modality, gap, **changes)
         path = training.train(recipe, DERIVED / "training", lambda line: print(line, flush=True))
         print(f"{path}: written")
 

@@ -17,9 +17,11 @@ from .conics import coefficients, sampson_distance
 from .core import Camera, Port, Pose, frozen_array
 from .geometry import circle_conic, project
 
-# Standard deviation of an edge point as if points were independent: neighbours err alike, so it is several
-# times their scatter.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test.
+# Standard deviation of an edge point as if points were independent: neighbours err alike, so it is larger
+# than their scatter; and the factor that makes the covariance honest, for masks err in more than that.
+# By `python benchmarks/calibrate_uncertainty.py`, on sequences that neither train nor test.
 MARKER_SIGMA_PX = {"rgb": 2.8, "event": 2.8}
+INFLATION = {"rgb": 1.0, "event": 1.0}
 
 SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives

@@ -99,7 +99,8 @@ class Estimator:
             both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
                                 marker_sigma_px)  # fmt: skip
             if both is not None:
-                return both.T_cam_port, both.covariance, known.tilt_sigmas
+                covariance = both.covariance * joint.INFLATION[self.modality]
+                return both.T_cam_port, covariance, known.tilt_sigmas
         return best.T_cam_port, known.covariance, known.tilt_sigmas
 
     def sigma_px(self, ring: Contour) -> float:

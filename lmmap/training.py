@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,13 @@ from .filters import (
 )
 from .results import commit
 
+STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
+    "ring-rgb": {"high": 2500, "low": 3000, "robust": 1500},
+    "ring-event": {"high": 3000, "low": 11000, "robust": 1500},
+    "reflector-rgb": {"high": 2500, "low": 3000, "robust": 1500},
+    "reflector-event": {"high": 4000, "low": 14000, "robust": 1500},
+}
+RESTART = {"ring-event-low": 5000, "reflector-event-low": 8000}  # both still gained when their rate was zero
 CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out images, progress is measured
 MOST_VALIDATED = 128  # images of the last validation, spread evenly
 
@@ -54,6 +61,7 @@ class Recipe:
     warm_up: int = 100
     start_from: str = ""  # a domain gap, whose weights are the first ones
     data: str = ""  # a folder of recordings instead of the bench, by its name
+    restart: int = 0  # the step, if any, at which the rate rises to its first value and falls once more
 
     def __post_init__(self):
         named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
@@ -62,11 +70,27 @@ class Recipe:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
         if self.steps < 1 or self.batch < 1:
             raise InputError(f"--steps {self.steps}: a training has at least 1 step")
+        if not 0 <= self.restart < self.steps:
+            raise InputError(f"--restart {self.restart}: give a step from 0 to {self.steps - 1}")
+
+    @classmethod
+    def shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
+        """Of the weights that ship: the robust ones go on from the low domain gap's."""
+        first = "low" if domain_gap == "robust" else ""
+        steps = STEPS[f"{name}-{modality}"][domain_gap]
+        restart = 0 if "steps" in changes else RESTART.get(f"{name}-{modality}-{domain_gap}", 0)
+        own = cls(name, modality, domain_gap, steps=steps, start_from=first, restart=restart)
+        return replace(own, **changes)
 
     @property
     def name(self) -> str:
         """What its weights are called."""
         return f"{self.filter}-{self.modality}-{self.domain_gap}"
+
+    def phase(self, step: int) -> float:
+        """Of the cosine along which the rate falls, in [0, 1)."""
+        first, last = (self.restart, self.steps) if step >= self.restart else (0, self.restart)
+        return (step - first) / (last - first)
 
     @property
     def command(self) -> str:
@@ -76,7 +100,11 @@ class Recipe:
             f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"
         ) + "".join(
             f" --{flag} {value}"
-            for flag, value in (("start-from", self.start_from), ("data", self.data))
+            for flag, value in (
+                ("start-from", self.start_from),
+                ("data", self.data),
+                ("restart", self.restart),
+            )
             if value
         )
 
@@ -200,7 +228,7 @@ def _step(net, adam, pair, recipe, step) -> float:
     net.train()
     for group in adam.param_groups:
         warm = min((step + 1) / recipe.warm_up, 1)
-        group["lr"] = recipe.rate * warm * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
+        group["lr"] = recipe.rate * warm * 0.5 * (1 + np.cos(np.pi * recipe.phase(step)))
     device = next(net.parameters()).device
     x = pair[0].to(device, memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
@@ -223,7 +251,8 @@ def _checkpoint(path, net, adam, recipe, step, curve) -> None:
 
 
 def _resume(path, net, adam, recipe) -> tuple[int, list]:
-    """Put a checkpoint of the same recipe into net and optimiser; the next step, and the curve so far."""
+    """Put a checkpoint of the same recipe, or of the same until its restart, into net and optimiser; the next
+    step, and the curve so far."""
     if not path.exists():
         return 0, []
     try:
@@ -232,7 +261,8 @@ def _resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    if Recipe(**json.loads(facts["recipe"])) != recipe:
+    alike = [recipe] + [replace(recipe, steps=recipe.restart, restart=0)] * (recipe.restart > 0)
+    if Recipe(**json.loads(facts["recipe"])) not in alike:
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()

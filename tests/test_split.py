@@ -4,12 +4,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 import calibrate_uncertainty
+import choose_thresholds
 import numpy as np
 import pandas as pd
 import pytest
 import tune_fusion
 
 from lmmap import dataset, photometry, study, tracking
+from lmmap.core import PAPER
 from lmmap.laboratory import sequence
 from lmmap.motion import Motion
 from lmmap.results import DATA, load_json
@@ -17,6 +19,7 @@ from lmmap.results import DATA, load_json
 TUNED_ON = {
     "benchmarks/tune_fusion.py": tune_fusion.SEQUENCES,
     "benchmarks/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
+    "benchmarks/choose_thresholds.py": [*calibrate_uncertainty.SEQUENCES, *choose_thresholds.EMPTY],
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [name for names in dataset.SETS.values() for name in names],
 }
@@ -25,7 +28,7 @@ FUSION = DATA / "results" / "fusion"
 
 @pytest.mark.parametrize("names", TUNED_ON.values(), ids=TUNED_ON)
 def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
-    assert all(name.startswith(("realistic-", "augmented-")) for name in names)
+    assert all(name.startswith(("realistic-", "augmented-", "empty-1")) for name in names)
     judged = {name for profile in ("quick", "paper") for name in study.sequences_of(profile)}
     assert all(name.startswith(("test-", "hard-", "empty-")) for name in judged)
     assert not judged & set(names)
@@ -57,3 +60,8 @@ def test_the_constants_are_the_scripts_choice():
     assert choices["max_position_sigma_m"] == tracking.MAX_POSITION_SIGMA_M
     assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(tracking.MAX_NORMAL_SIGMA_RAD)
     assert Path(FUSION / "grid.provenance.json").exists()
+
+
+def test_the_thresholds_are_the_scripts_choice():
+    best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
+    assert all(getattr(PAPER, name) == best[name] for name in choose_thresholds.NAMES)

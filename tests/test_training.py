@@ -104,6 +104,21 @@ def _run(recipe, folder, steps):
             training.train(recipe, folder, quiet)
 
 
+def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
+    def weights(recipe):
+        return training.train(recipe, toy, quiet).read_bytes()
+
+    ended = training.Recipe("ring", "event", steps=3, batch=2, warm_up=1)
+    longer = training.Recipe("ring", "event", steps=5, batch=2, warm_up=1, restart=3)
+    weights(ended)
+    resumed = weights(longer)
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    assert weights(longer) == resumed
+    assert [longer.phase(step) for step in range(5)] == [0, 1 / 3, 2 / 3, 0, 1 / 2]
+    with pytest.raises(InputError, match="--restart 5"):
+        training.Recipe("ring", "event", steps=5, restart=5)
+
+
 def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_error(toy):
     first = training.Recipe("ring", "event", steps=1, batch=2)
     training.train(first, toy, quiet)
@@ -164,3 +179,12 @@ def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
     low, high = np.array(augment.HISTOGRAM_EVENTS) * training.PAPER.events_per_window
     assert len(set(asked)) == 4
     assert low <= min(asked) < max(asked) <= high
+
+
+def test_what_ships_is_made_by_the_default_command():
+    """`lmmap train` without --steps repeats each shipped card's training."""
+    for card in sorted(filters.WEIGHTS.glob("*.json")):
+        recipe = json.loads(card.read_text())["recipe"]
+        asked = recipe["filter"], recipe["modality"], recipe["domain_gap"]
+        default = training.Recipe.shipped(*asked)
+        assert {key: getattr(default, key) for key in recipe} == recipe

@@ -121,7 +121,9 @@ def test_the_constants_are_those_measured():
     table = pd.read_csv(DATA / "results" / "uncertainty.csv")
     for modality, rows in table.groupby("modality"):
         assert uncertainty.INFLATION[modality] == pytest.approx(rows.inflation.iloc[0], abs=0.06)
-        assert joint.MARKER_SIGMA_PX[modality] == rows[rows.inside_percent >= 88].marker_sigma_px.min()
+        best = rows.loc[rows.score.idxmax()]
+        assert joint.MARKER_SIGMA_PX[modality] == best.marker_sigma_px
+        assert joint.INFLATION[modality] == pytest.approx(best.joint_inflation, abs=0.06)
     assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == yaw.YAW_INFLATION
 
 

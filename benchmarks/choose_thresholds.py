@@ -1,0 +1,94 @@
+"""Chooses the pipeline's thresholds, on sequences that neither train nor test anything.
+
+    python benchmarks/choose_thresholds.py
+
+``core.Settings.mask_threshold``, ``min_arc_coverage`` and ``min_marker_score``: for each of their values, how
+many images with the ring in view get a pose, how many of these poses are wrong, and how many images without a
+port get one.  The choice is the one with most right less wrong poses, of both modalities together, without
+any pose where there is no port.  The table is kept in data/results/thresholds.csv, the recordings in
+data/derived/calibration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from calibrate_uncertainty import RATE_HZ, SEQUENCES, recording
+from tqdm import tqdm
+
+from lmmap import yaw
+from lmmap.contour import Contour
+from lmmap.core import PAPER
+from lmmap.geometry import in_view
+from lmmap.metrics import normal_error_rad, position_error_m
+from lmmap.pipeline import Estimator, images
+from lmmap.results import DATA, save_table
+
+EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
+MASK_THRESHOLDS, MIN_ARC_COVERAGES = (0.15, 0.2, 0.3, 0.4, 0.5, 0.6), (0.35, 0.5, 0.65)
+MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
+RIGHT_M, RIGHT_RAD = 0.020, np.deg2rad(5.0)  # a pose that one may dock on
+NAMES = ("mask_threshold", "min_arc_coverage", "min_marker_score")
+
+
+def shots(estimator: Estimator):
+    """``(sequence, image, true pose or None)`` of what has a ring in view, or no port."""
+    for name in [*SEQUENCES, *EMPTY]:
+        seen, port = recording(name), not name.startswith("empty")
+        for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
+            truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0] if port else None
+            if truth is None or in_view(truth, estimator.port, seen.camera):
+                yield name, image, truth
+
+
+def answers(estimator: Estimator, image, truth) -> list[dict]:
+    """The outcome with each pair of the first two thresholds, and the markers' score that decides."""
+    rows, ring_mask = [], estimator.ring_filter(image)
+    for threshold, arc in product(MASK_THRESHOLDS, MIN_ARC_COVERAGES):
+        estimator.settings = replace(PAPER, mask_threshold=threshold, min_arc_coverage=arc)
+        ring, _ = estimator.find_ring(ring_mask)
+        row = {"mask_threshold": threshold, "min_arc_coverage": arc, "score": -1.0, "right": False}
+        if isinstance(ring, Contour):
+            candidates = estimator.candidates(ring.ellipse)
+            reflectors = estimator.find_reflectors(image, candidates)
+            fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, estimator.camera)
+            T = estimator.refine(fit, ring, reflectors)[0]
+            near = truth is not None and position_error_m(T, truth) < RIGHT_M
+            row |= {"score": fit.score, "right": near and normal_error_rad(T, truth) < RIGHT_RAD}
+        rows.append({**row, "empty": truth is None})
+    return rows
+
+
+def outcomes(modality: str) -> pd.DataFrame:
+    """Counts by thresholds."""
+    estimator = Estimator(modality=modality)
+    every = [row for _, image, truth in tqdm(list(shots(estimator)), modality)
+             for row in answers(estimator, image, truth)]  # fmt: skip
+    table, counted = pd.DataFrame(every), []
+    for least in MIN_MARKER_SCORES:
+        posed = table.assign(pose=table.score >= least, min_marker_score=least)
+        posed = posed.assign(false=posed.pose & posed.empty, wrong=posed.pose & ~posed.empty & ~posed.right,
+                             right=posed.pose & posed.right, images=~posed.empty)  # fmt: skip
+        counted.append(posed.groupby(list(NAMES))[["images", "right", "wrong", "empty", "false"]].sum())
+    return pd.concat(counted).reset_index().assign(modality=modality)
+
+
+def choice(table: pd.DataFrame) -> pd.Series:
+    """The thresholds with most right less wrong poses, of those without a false one."""
+    both = table.groupby(list(NAMES))[["right", "wrong", "false"]].sum().reset_index()
+    some = both[both.false == both.false.min()]
+    return some.loc[(some.right - some.wrong).idxmax()]
+
+
+def main() -> None:
+    table = pd.concat([outcomes(modality) for modality in ("rgb", "event")], ignore_index=True)
+    print(table.to_string())
+    print(choice(table).to_string())
+    save_table(DATA / "results" / "thresholds.csv", table, sequences=[*SEQUENCES, *EMPTY])
+
+
+if __name__ == "__main__":
+    main()
