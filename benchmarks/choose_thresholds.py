@@ -2,17 +2,15 @@
 
     python benchmarks/choose_thresholds.py
 
-``core.Settings.mask_threshold``, ``min_arc_coverage`` and ``min_marker_score``: for each of their values, how
-many images with the ring in view get a pose, how many of these poses are wrong, and how many images without a
-port get one.  The choice is the one with most right less wrong poses, of both modalities together, without
-any pose where there is no port.  The table is kept in data/results/thresholds.csv, the recordings in
-data/derived/calibration.
+``core.Settings.mask_threshold`` and ``min_marker_score``: for each of their values, how many images with the
+ring in view get a pose, how many of these poses are wrong, and how many images without a port get one.  The
+choice is the one with most right less wrong poses, of both modalities together, with the fewest poses where
+there is no port.  The table is kept in data/results/thresholds.csv, recordings in data/derived/calibration.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -21,17 +19,16 @@ from tqdm import tqdm
 
 from lmmap import yaw
 from lmmap.contour import Contour
-from lmmap.core import PAPER
+from lmmap.core import PAPER, Port, Pose
 from lmmap.geometry import in_view
-from lmmap.metrics import normal_error_rad, position_error_m
+from lmmap.metrics import normal_error_rad, position_error_m, rotation_error_rad
 from lmmap.pipeline import Estimator, images
 from lmmap.results import DATA, save_table
 
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
-MASK_THRESHOLDS, MIN_ARC_COVERAGES = (0.15, 0.2, 0.3, 0.4, 0.5, 0.6), (0.35, 0.5, 0.65)
-MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
-RIGHT_M, RIGHT_RAD = 0.020, np.deg2rad(5.0)  # a pose that one may dock on
-NAMES = ("mask_threshold", "min_arc_coverage", "min_marker_score")
+MASK_THRESHOLDS, MIN_MARKER_SCORES = (0.2, 0.3, 0.4, 0.5, 0.6), (0.05, 0.075, 0.1, 0.15, 0.2)
+RIGHT_M, RIGHT_NORMAL_RAD, RIGHT_RAD = 0.020, np.deg2rad(5.0), np.deg2rad(10.0)  # one may dock on it
+NAMES = ("mask_threshold", "min_marker_score")
 
 
 def shots(estimator: Estimator):
@@ -44,20 +41,27 @@ def shots(estimator: Estimator):
                 yield name, image, truth
 
 
+def right(T: Pose, truth: Pose, port: Port) -> bool:
+    return bool(
+        position_error_m(T, truth) < RIGHT_M
+        and normal_error_rad(T, truth) < RIGHT_NORMAL_RAD
+        and rotation_error_rad(T, truth, port.yaw_period_rad) < RIGHT_RAD
+    )
+
+
 def answers(estimator: Estimator, image, truth) -> list[dict]:
-    """The outcome with each pair of the first two thresholds, and the markers' score that decides."""
+    """The outcome with each threshold of the masks, and the markers' score that decides."""
     rows, ring_mask = [], estimator.ring_filter(image)
-    for threshold, arc in product(MASK_THRESHOLDS, MIN_ARC_COVERAGES):
-        estimator.settings = replace(PAPER, mask_threshold=threshold, min_arc_coverage=arc)
+    for threshold in MASK_THRESHOLDS:
+        estimator.settings = replace(PAPER, mask_threshold=threshold)
         ring, _ = estimator.find_ring(ring_mask)
-        row = {"mask_threshold": threshold, "min_arc_coverage": arc, "score": -1.0, "right": False}
+        row = {"mask_threshold": threshold, "score": -1.0, "right": False}
         if isinstance(ring, Contour):
             candidates = estimator.candidates(ring.ellipse)
             reflectors = estimator.find_reflectors(image, candidates)
             fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, estimator.camera)
-            T = estimator.refine(fit, ring, reflectors)[0]
-            near = truth is not None and position_error_m(T, truth) < RIGHT_M
-            row |= {"score": fit.score, "right": near and normal_error_rad(T, truth) < RIGHT_RAD}
+            T = fit.T_cam_port
+            row |= {"score": fit.score, "right": truth is not None and right(T, truth, estimator.port)}
         rows.append({**row, "empty": truth is None})
     return rows
 

@@ -1,4 +1,4 @@
-"""Errors of poses, detection rates, and the relative error of trajectories."""
+"""Errors of poses, and the relative error of trajectories."""
 
 from __future__ import annotations
 
@@ -37,39 +37,6 @@ def pose_difference(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.nd
     nearest = np.argmin(rotation_angle_rad(left), 1)
     rotation = Rotation.from_matrix(left[np.arange(len(left)), nearest]).as_rotvec()
     return np.concatenate([truth.position_m - estimate.position_m, rotation.reshape(-1, 3)], -1)
-
-
-class Summary(NamedTuple):
-    """Median and root mean square of ``count`` errors; None of none."""
-
-    count: int
-    median: float | None
-    rmse: float | None
-
-
-def summary(errors) -> Summary:
-    """Median and RMSE of finite errors (M,)."""
-    errors = np.asarray(errors, float)
-    if not np.all(np.isfinite(errors)):
-        raise ValueError("errors: expected finite values; leave missing estimates out")
-    if not errors.size:
-        return Summary(0, None, None)
-    return Summary(errors.size, float(np.median(errors)), float(np.sqrt(np.mean(errors**2))))
-
-
-class DetectionRates(NamedTuple):
-    """Share of all frames, and of those with the whole ring in view, that have a pose; None of none."""
-
-    all: float | None
-    in_view: float | None
-
-
-def detection_rates(detected, in_view) -> DetectionRates:
-    """Detection rates from two boolean arrays (N,)."""
-    detected, in_view = np.asarray(detected, bool), np.asarray(in_view, bool)
-    if detected.shape != in_view.shape:
-        raise ValueError(f"in_view: expected shape {detected.shape}, got {in_view.shape}")
-    return DetectionRates(*(float(d.mean()) if d.size else None for d in (detected, detected[in_view])))
 
 
 def umeyama(source, target) -> tuple[float, np.ndarray, np.ndarray]:

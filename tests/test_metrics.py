@@ -43,22 +43,6 @@ def test_errors_of_a_known_pose():
     assert np.rad2deg(metrics.rotation_error_rad(yawed, truth, 2 * np.pi)) == pytest.approx(110)
 
 
-def test_summary_of_known_errors():
-    assert metrics.summary([3.0, 4.0, 0.0]) == (3, 3.0, pytest.approx(5 / np.sqrt(3)))
-    assert metrics.summary([]) == (0, None, None)
-    with pytest.raises(ValueError, match="finite"):
-        metrics.summary([1.0, np.nan])
-
-
-def test_detection_rates_of_known_frames():
-    rates = metrics.detection_rates([True, False, True, False], [True, True, False, False])
-    assert rates == (0.5, 0.5)
-    assert metrics.detection_rates([True, False], [False, False]) == (0.5, None)
-    assert metrics.detection_rates([], []) == (None, None)
-    with pytest.raises(ValueError, match="in_view: expected shape"):
-        metrics.detection_rates([True], [True, False])
-
-
 @given(seeds(), rotations(), st.floats(0.1, 10))
 def test_umeyama_finds_the_similarity(seed, R, scale):
     rng = np.random.default_rng(seed)

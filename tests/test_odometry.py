@@ -196,4 +196,6 @@ def test_the_committed_runs_are_whole():
     theirs = log[log.method.isin(["ORB-SLAM3", "SVO"])]
     counts = theirs.groupby(["method", "modality", "sequence"]).start_s.agg(["size", "nunique"])
     assert len(counts) == 2 * len(odometry.MODALITIES) * len(odometry.SEQUENCES)
-    assert counts["size"].nunique() == 1 and counts["nunique"].min() >= 3
+    assert counts["size"].nunique() == 1 and counts["size"].min() >= 5 and counts["nunique"].min() >= 3
+    ours = log[log.method == "lmmap"]
+    assert len(ours) == len(odometry.MODALITIES) * len(odometry.SEQUENCES)
