@@ -92,7 +92,7 @@ def label(name: str, modality: str, gap: str) -> str:
 
 def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
     seconds = sequences.SECONDS[profile][kind := name.split("-")[0]]
-    recording = _recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
+    recording = recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
     for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
         found = {m: _estimates(recording, m, gap, rate_hz, folder, mark, report) for m in MODALITIES}
@@ -113,7 +113,7 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
     (folder / f"{name}.done").write_text(mark)
 
 
-def _recorded(name: str, seconds: float, folder: Path, report) -> Recording:
+def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
     """The sequence's recording, simulated unless the one kept is of the same bench and length."""
     path, made_of = folder / f"{name}.npz", folder / f"{name}.simulated"
     mark = fingerprint(name, str(seconds), patterns=BENCH)

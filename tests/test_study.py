@@ -50,7 +50,7 @@ class Estimates:
 @pytest.fixture
 def quick(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "DERIVED", tmp_path)
-    monkeypatch.setattr(study, "_recorded", recorded)
+    monkeypatch.setattr(study, "recorded", recorded)
     monkeypatch.setattr(study, "DRAWS", 50)
     monkeypatch.setattr(study, "filter_quality", lambda recording, gap: pd.DataFrame({"iou": [1.0]}))
     return tmp_path / "quick"
