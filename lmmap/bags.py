@@ -97,7 +97,7 @@ def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
 
 def named(path: Path):
     """A context in which what damaged bytes raise becomes one `InputError` line."""
-    remedy = "give a ROS 1 bag with dvs_msgs or sensor_msgs, or run rosbag reindex"
+    remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
     return naming(path, "cannot read this bag", remedy)
 
 

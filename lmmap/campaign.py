@@ -76,27 +76,28 @@ def reproduce(folder, report=print) -> Path:
     tables = {name: [] for name in ("errors", "hard", "false", "odometry")}
     for bag in (*roles["test"], *roles["hard"], *roles["empty"]):
         try:
-            _studies(bag, rig, port, out, tables, report)
+            _studies(bag, _label(Path(folder), bag), rig, port, out, tables, report)
         except InputError as error:  # a fault in the middle; what came before it is kept
             left_out.append(str(error))
             report(f"left out: {error}")
-    if tables["errors"]:
-        save_table(out / "summary.csv", _summary(pd.concat(tables["errors"])), **facts)
-    for name in ("hard", "false", "odometry"):
-        if tables[name]:
-            save_table(out / f"{name}.csv", pd.DataFrame(tables[name]), **facts)
+    results = {name: pd.DataFrame(tables[name]) for name in ("hard", "false", "odometry")}
+    results["summary"] = _summary(tables["errors"])
+    for name, table in results.items():
+        (out / f"{name}.csv").unlink(missing_ok=True)  # an earlier run's, whose bags may be gone
+        if len(table):
+            save_table(out / f"{name}.csv", table, **facts)
     save_json(out / "about.json", facts)
     return out
 
 
-def _studies(bag: Bag, rig: Rig | None, port: Port, out: Path, tables: dict, report) -> None:
+def _studies(bag: Bag, label: str, rig: Rig | None, port: Port, out: Path, tables: dict, report) -> None:
     """Add one bag to the tables."""
     stream = open_stream(bag.path)
     if bag.role != "empty":
         stream = replace(stream, truth=rig.truth(bag.path))
     for gap in accuracy.DOMAIN_GAPS if bag.role == "test" else accuracy.DOMAIN_GAPS[:1]:
         for modality in accuracy.MODALITIES:
-            found = _estimates(bag, stream, port, modality, gap, out, report)
+            found = _estimates(stream, label, port, modality, gap, out, report)
             _study(bag, stream, found, port, modality, gap, tables)
 
 
@@ -181,13 +182,13 @@ def weights_of(out: Path, modality: str, gap: str) -> Path | str:
     return own if there else gap
 
 
-def _estimates(bag, stream, port, modality, gap, out, report) -> list[Estimate]:
+def _estimates(stream, label, port, modality, gap, out, report) -> list[Estimate]:
     weights = weights_of(out, modality, gap)
     settings = replace(fitting(stream.camera), rate_hz=RATE_HZ)
     estimator = Estimator(stream.camera, port, modality, weights, settings)
-    label = f"{bag.path.parent.name}--{bag.path.stem}-{modality}-{gap}"
+    label = f"{label}-{modality}-{gap}"
     own = [p.stat().st_mtime_ns for p in sorted(weights.glob("*"))] if isinstance(weights, Path) else gap
-    kept = kept_in(out / f"estimates-{label}.csv", bag.path, port, stream.camera, own)
+    kept = kept_in(out / f"estimates-{label}.csv", stream.source.path, port, stream.camera, own)
     found = detect(stream, estimator, RATE_HZ, kept)
     poses = sum(e.T_cam_port is not None for e in found)
     report(f"{label}: {poses} poses in {len(found)} images")
@@ -219,8 +220,9 @@ def _study(bag: Bag, stream: Stream, found, port: Port, modality: str, gap: str,
             tables["odometry"].append(row | {"not_scored": str(error)})
 
 
-def _summary(errors: pd.DataFrame) -> pd.DataFrame:
+def _summary(errors: list[pd.DataFrame]) -> pd.DataFrame:
     """`accuracy.summary` for each light, modality and set of filters, all bags of it together."""
-    keys = ["light", "modality", "training"]
-    return pd.concat(accuracy.summary(some).assign(**dict(zip(keys, names, strict=True)))
-                     for names, some in errors.groupby(keys))  # fmt: skip
+    keys, none = ["light", "modality", "training"], pd.DataFrame()
+    cells = pd.concat(errors).groupby(keys) if errors else ()
+    return pd.concat([none, *(accuracy.summary(some).assign(**dict(zip(keys, names, strict=True)))
+                              for names, some in cells)])  # fmt: skip

@@ -6,6 +6,7 @@ import json
 import os
 import sys
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
@@ -194,6 +195,8 @@ def evaluate(a) -> None:
             report[modality], tables[modality] = accuracy.report(table), accuracy.summary(table)
         elif a.modality:
             raise InputError(f"{a.recording}: holds no {modality} data that its truth covers; try the other")
+        else:
+            warnings.warn(f"{a.recording}: holds no {modality} data that its truth covers", stacklevel=2)
     if not report:
         raise InputError(f"{a.recording}: holds no data that its truth covers; check the truth's times")
     if a.json:

@@ -114,7 +114,10 @@ def calibrate(a) -> None:
         )
         kept = output.with_name(f"{output.stem}.{path.stem}-{a.modality}.csv")
         kept = campaign.kept_in(kept, path, a.rate, stream.camera)
-        found.append(rigging.detected(campaign.detect(stream, estimator, a.rate, kept), motion))
+        estimates = campaign.detect(stream, estimator, a.rate, kept)
+        if not estimates:
+            raise InputError(f"{path}: holds no images for --modality {a.modality}; try the other")
+        found.append(rigging.detected(estimates, motion))
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
     rig = rigging.calibrate(found, port, _ends(a, a.bags[0], hand_eye), known)
     rig.calibrated["recordings"] = [path.name for path in a.bags]

@@ -19,7 +19,7 @@ DERIVED = DATA / "derived"
 # all that a chapter's output depends on besides its own cells
 OF_PAGES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json", "data/results/**/*",
             "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
-            "data/derived/recordings/*/summary.csv", "environment.txt")  # fmt: skip
+            "data/derived/recordings/*/told.txt", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 

@@ -111,11 +111,11 @@ def read_hand_eye(path) -> CameraOnRobot:
     """
     path = Path(path)
     try:
-        document = yaml.safe_load(_plain(path.read_text()))
+        document = _document(path.read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot read this file ({error}); give the hand-eye calibration") from None
-    except yaml.YAMLError as error:
-        said = str(error).replace("\n", " ")
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        said = " ".join(str(error).split())
         raise InputError(f"{path}: not YAML ({said:.100}); give the hand-eye calibration") from None
     try:
         return _easy_handeye(document) or _bare(document)
@@ -125,20 +125,26 @@ def read_hand_eye(path) -> CameraOnRobot:
                          f"{expected}") from None  # fmt: skip
 
 
-def _plain(content: str) -> str:
-    """Without what OpenCV writes and no YAML parser knows."""
+def _document(content: str):
+    """YAML without what OpenCV writes and no parser knows; aliases are refused, as they may never end."""
     lines = [line for line in content.splitlines() if not line.startswith("%YAML")]
-    return "\n".join(lines).replace("!!opencv-matrix", "")
+    plain = "\n".join(lines).replace("!!opencv-matrix", "")
+    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(plain, yaml.SafeLoader)):
+        raise ValueError("it refers to its own parts")
+    return yaml.safe_load(plain)
 
 
 def _easy_handeye(document) -> CameraOnRobot | None:
     if not isinstance(document, dict) or not isinstance(document.get("transformation"), dict):
         return None
-    t, about = document["transformation"], document.get("parameters") or document
+    t = document["transformation"]
+    about = next(part for part in (document.get("parameters"), document) if isinstance(part, dict))
     if missing := [name for name in (*QUATERNION, *POSITION) if name not in t]:
         raise ValueError(f"its transformation lacks {', '.join(missing)}")
     q, p = (np.array([float(t[name]) for name in names]) for names in (QUATERNION, POSITION))
-    if not (np.isfinite([*q, *p]).all() and abs(np.linalg.norm(q) - 1) < 1e-2):
+    if not np.isfinite([*q, *p]).all():
+        raise ValueError("its transformation is not finite")
+    if abs(np.linalg.norm(q) - 1) > 1e-2:
         raise ValueError("its quaternion is not of unit length")
     names = (about.get("robot_base_frame") or arm.BASE, about.get("robot_effector_frame") or arm.EFFECTOR)
     T = Pose(Rotation.from_quat(q).as_matrix(), p)
@@ -153,9 +159,8 @@ def _bare(document) -> CameraOnRobot:
         if isinstance(node, list):
             flat = np.array(node, object).ravel()
             if flat.size == 16 and all(isinstance(v, int | float) for v in flat):
-                return CameraOnRobot(
-                    _pose(np.array(flat, float).reshape(4, 4)), False, arm.BASE, arm.EFFECTOR
-                )
+                T = _pose(np.array(flat, float).reshape(4, 4))
+                return CameraOnRobot(T, False, arm.BASE, arm.EFFECTOR)
         elif isinstance(node, dict):
             waiting.extend(node.values())
     raise ValueError("neither layout")
@@ -164,13 +169,10 @@ def _bare(document) -> CameraOnRobot:
 def _pose(matrix) -> Pose:
     M = np.array(matrix, float)
     if M.shape != (4, 4) or not np.isfinite(M).all():
-        raise ValueError(f"a matrix of shape {M.shape}")
+        raise ValueError("its matrix is not one of 4 x 4 finite numbers")
     R = M[:3, :3]
-    if (
-        np.abs(R @ R.T - np.eye(3)).max() > 1e-3
-        or np.linalg.det(R) < 0
-        or np.abs(M[3] - [0, 0, 0, 1]).max() > 0
-    ):
+    rigid = np.linalg.det(R) > 0 and np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-3)
+    if not (rigid and np.array_equal(M[3], [0, 0, 0, 1])):
         raise ValueError("its 4 x 4 matrix is no rigid transform")
     return Pose(R, M[:3, 3])
 

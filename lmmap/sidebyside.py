@@ -25,25 +25,35 @@ def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
     return table[[*KEYS, "published", "bench", f"recordings: {out.name}"]]
 
 
-def told(out: Path, bench: Path) -> str:
-    """All results of a folder as text, each part marked."""
-    about, mark = load_json(out / "about.json"), f"recordings: {out.name}"
-    parts = []
+def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
+    """All results of a folder in three digits, by titles that hold its mark; the paper's table comes last."""
+    mark, found = f"recordings: {out.name}", {}
     for name, title in STUDIES.items():
         if (out / f"{name}.csv").exists():
-            parts.append(
-                f"{title} ({mark})\n{pd.read_csv(out / f'{name}.csv').round(3).to_string(index=False)}"
-            )
-    if about["left_out"]:
-        parts.append("left out\n" + "\n".join(about["left_out"]))
+            found[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
+    if (out / "summary.csv").exists():
+        whole = pd.read_csv(out / "summary.csv").query("statistic != 'rmse'")
+        other = whole[~whole.light.isin(accuracy.LIGHTS)]
+        if len(other):
+            found[f"lights that are not the paper's ({mark})"] = _short(other)
+        cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
+        for training, some in cells.groupby("training"):
+            text = accuracy.as_text(some, ("published", "bench", mark)).dropna(axis=1, how="all")
+            found[f"table ({mark}; {training}, medians, and detections in percent)"] = text
+    return found
+
+
+def _short(table: pd.DataFrame) -> pd.DataFrame:
+    return table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else value)
+
+
+def told(out: Path, bench: Path) -> str:
+    """All results of a folder as text, each part marked."""
+    about = load_json(out / "about.json")
+    parts = ["left out\n" + "\n".join(about["left_out"])] if about["left_out"] else []
     if about["rig"] and about["rig"].get("file_in_doubt"):
         parts.append(f"the hand-eye file and the detections do not agree: {json.dumps(about['rig'])}")
-    if (out / "summary.csv").exists():
-        whole = pd.read_csv(out / "summary.csv")
-        other = whole[~whole.light.isin(accuracy.LIGHTS) & (whole.statistic != "rmse")]
-        if len(other):
-            parts.append(f"lights that are not the paper's ({mark})\n{other.round(3).to_string(index=False)}")
-        table = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
-        text = table.drop(columns="outlier_filter").round(3).to_string(index=False)
-        parts.append(f"table ({mark}; medians, and detections in percent)\n{text}")
+    for title, table in tables(out, bench).items():
+        named = isinstance(table.index, pd.MultiIndex)
+        parts.append(f"{title}\n{table.to_string(index=named)}")
     return "\n\n".join(parts)

@@ -31,11 +31,15 @@ ENDS = ((arm.BASE, arm.EFFECTOR), ("base", "tool0_controller"))  # what a UR's d
 def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> Trajectory:
     """``T_root_tip`` of a bag's arm, or of its first ``seconds``.
 
-    Raises `InputError` that names the missing topic or link.
+    Raises `InputError` that names the missing topic or link, or one on a loop.
     """
     path = Path(path)
     links, joints = read(path, seconds)
     chain = _chain(links, root, tip)
+    for parent, child, _ in chain or ():
+        if _chain(links.keys() - {(parent, child)}, root, tip):
+            raise InputError(f"{path}: /tf leads from {root} to {tip} with {parent} to {child} and without; "
+                             "give a bag whose links form a tree")  # fmt: skip
     if chain is None:  # a link is missing: the nominal arm has it, and the joints its angle
         filled = _nominal(joints) | links
         chain = _chain(filled, root, tip)
@@ -97,8 +101,8 @@ def read(
             else:
                 for parent, child, t_us, values in _transforms(raw):
                     rows[parent, child].extend((t_us, *values))
-        links = {pair: _link(np.array(table).reshape(-1, 8)) for pair, table in rows.items()}
-    return links, {name: _unique(np.array(table).reshape(-1, 2)) for name, table in angles.items()}
+        links = {pair: _link(" to ".join(pair), table) for pair, table in rows.items()}
+        return links, {name: _unique(name, np.array(table).reshape(-1, 2)) for name, table in angles.items()}
 
 
 def _transforms(raw: bytes) -> Iterator[tuple]:
@@ -119,14 +123,18 @@ def _micro(seconds: int, nanoseconds: int) -> int:
     return seconds * 10**6 + (nanoseconds + 500) // 1000
 
 
-def _unique(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows in the order of time, each time once."""
+def _unique(name: str, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in the order of time, each time once; ValueError for what is no number."""
+    if not np.isfinite(table).all():
+        raise ValueError(f"{name} is not finite at some time")
     t_us, index = np.unique(table[:, 0].astype(np.int64), return_index=True)
     return t_us, table[index, 1:]
 
 
-def _link(table: np.ndarray) -> Trajectory:
-    t_us, values = _unique(table)
+def _link(name: str, table: array) -> Trajectory:
+    t_us, values = _unique(name, np.array(table).reshape(-1, 8))
+    if np.any(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1) > 1e-2):
+        raise ValueError(f"{name} has a quaternion that is not of unit length")
     return Trajectory(t_us, Pose(Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3]))
 
 

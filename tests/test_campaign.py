@@ -52,6 +52,8 @@ def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
     monkeypatch.setattr(campaign.Estimator, "__call__", None)  # a second run estimates nothing anew
     code, again, _ = run(capsys, "reproduce", "--data", folder)
     assert code == 0 and again == out
+    next(folder.rglob("light__hard.bag")).unlink()  # what came of it goes with it
+    assert "hard cases" not in run(capsys, "reproduce", "--data", folder)[1]
 
 
 def test_nothing_to_test_on_is_one_line(folder, capsys):

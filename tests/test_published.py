@@ -1,6 +1,7 @@
 """The published recordings, by stand-ins: names, health, calibration and evaluation on the command line."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,6 +126,20 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert code == 1 and "no hand-eye calibration" in err and "width_px" in err
     for path in (rig, bag):
         path.unlink()
+
+
+def test_a_camera_that_is_missing_is_said(folder, tmp_path, capsys):
+    """What a bag lacks is a note where the other camera answers, and one line where none does."""
+    for name in (published.HAND_EYE, CAMERA):
+        shutil.copy(folder / name, tmp_path)
+    standin.RIG.save(tmp_path / NAME)
+    bag, whole = tmp_path / "dark__test.bag", brief(0.2)
+    standin.write_bag(replace(whole, events=whole.events[:0]), bag)
+    code, out, err = run(capsys, "evaluate", bag)
+    assert code == 0 and "rgb" in out and "event" not in out
+    assert "note: " in err and "holds no event data" in err and err.count("\n") == 1
+    code, _, err = run(capsys, "calibrate", bag, "--modality", "event", "-o", tmp_path / "again.json")
+    assert code == 1 and "holds no images for --modality event" in err and err.count("\n") == 1
 
 
 def test_stand_ins_are_written_once(tmp_path, capsys, monkeypatch):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,8 +29,12 @@ def write_arm(path, without=(), joints=JOINTS):
 
 
 def _less(raw, children):
+    return _edited(raw, lambda some: [t for t in some if t.child_frame_id not in children])
+
+
+def _edited(raw, edit):
     message = bags.STORE.deserialize_ros1(raw, transforms.TF[0])
-    message.transforms = [t for t in message.transforms if t.child_frame_id not in children]
+    message.transforms = edit(message.transforms)
     return bytes(bags.STORE.serialize_ros1(message, transforms.TF[0]))
 
 
@@ -84,6 +89,30 @@ def test_a_missing_arm_is_named(tmp_path):
     assert "c.bag: cannot read this bag" in line(transforms.read, tmp_path / "c.bag")
 
 
+def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
+    def nowhere(some):
+        some[3].transform.translation.x = np.nan
+        return some
+
+    def turned_by_nothing(some):
+        some[3].transform.rotation = replace(some[3].transform.rotation, x=0.0, y=0.0, z=0.0, w=0.0)
+        return some
+
+    def looped(some):
+        back = replace(some[5], header=replace(some[5].header, frame_id="base_link"))
+        return [*some, back]
+
+    for edit, said in ((nowhere, "forearm_link to wrist_1_link is not finite"),
+                       (turned_by_nothing, "forearm_link to wrist_1_link has a quaternion"),
+                       (looped, "with base_link to wrist_3_link and without")):  # fmt: skip
+        monkeypatch.setitem(globals(), "_less", lambda raw, _, edit=edit: _edited(raw, edit))
+        path = write_arm(tmp_path / f"{edit.__name__}.bag")
+        assert said in line(transforms.arm_motion, path, "base_link", "tool0")
+    monkeypatch.undo()
+    path = write_arm(tmp_path / "b.bag", without=("/tf",), joints=np.where(JOINTS > 0, JOINTS, np.nan))
+    assert "_joint is not finite" in line(transforms.arm_motion, path, "base_link", "tool0")
+
+
 def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
     path = write_arm(tmp_path / "a.bag")
     rig = Rig(
@@ -134,6 +163,10 @@ def test_hand_eye_files_of_every_layout_agree(tmp_path):
     ("camera: [1, 2]\nnotes: none", "keys camera, notes"),
     ("[[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "no rigid transform"),
     ("a: [b", "not YAML"),
+    ("&a {b: *a}", "refers to its own parts"),
+    ("[" * 600, "not YAML"),
+    ("[[.nan,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "4 x 4 finite numbers"),
+    ("transformation: {x: .nan, y: 0, z: 0, qx: 0, qy: 0, qz: 0, qw: 1}\nparameters: [1]", "not finite"),
     ("", "NoneType"),
 ])  # fmt: skip
 def test_a_file_that_is_no_hand_eye_shows_what_was_found(tmp_path, text, said):
