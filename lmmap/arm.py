@@ -1,4 +1,4 @@
-"""The arm of the paper's laboratory, a UR5e: its nominal kinematics, forward and inverse.
+"""The arm of the paper's laboratory, a UR5e: its nominal kinematics, forward and inverse, and its velocity.
 
 Frames and joints are named as the arm's ROS driver names them.  Joint angles are (..., 6) rad in the
 order of `JOINTS`.  A real arm differs from the nominal one by about a millimetre, which its own /tf knows.
@@ -6,16 +6,19 @@ order of `JOINTS`.  A real arm differs from the nominal one by about a millimetr
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .core import Pose
+from .core import Pose, Trajectory
 
 JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
           "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")  # fmt: skip
 LINKS = ("base_link_inertia", "shoulder_link", "upper_arm_link", "forearm_link",
          "wrist_1_link", "wrist_2_link", "wrist_3_link")  # fmt: skip
 BASE, EFFECTOR = "base_link", "tool0"
+STEP_US = 20_000  # over which velocity is measured
 # the manufacturer's Denavit-Hartenberg lengths
 D1, A2, A3, D4, D5, D6 = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
 # where each joint sits in its parent's frame: position (m), then a turn about x (rad)
@@ -98,3 +101,24 @@ def follow(T_base_tool: Pose) -> np.ndarray:
     if not np.isfinite(moved[best]):
         raise ValueError("T_base_tool: expected a path within the arm's reach")
     return joints[:, best]
+
+
+@dataclass(frozen=True)
+class Along:
+    """An arm at N times: ``T_root_tip`` (N,), and its velocity (N, 6) in the root's axes, m/s and rad/s."""
+
+    T_root_tip: Pose
+    velocity: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.T_root_tip)
+
+
+def along(motion: Trajectory, t_us) -> Along:
+    """An arm's trajectory ``T_root_tip`` at times (N,) inside it."""
+    t_us = np.asarray(t_us, np.int64)
+    a, b = (np.clip(t_us + s, motion.t_us[0], motion.t_us[-1]) for s in (-STEP_US, STEP_US))
+    before, after, seconds = motion.at(a), motion.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
+    turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
+    velocity = np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
+    return Along(motion.at(t_us), velocity)

@@ -18,18 +18,16 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from .core import Pose, Trajectory, frozen_array
+from .arm import Along
+from .core import Pose, frozen_array
 from .geometry import rotation_angle_rad, rotation_vector, rotation_z
 
 SIGMA_M, SIGMA_RAD = 0.004, np.deg2rad(2.0)  # of a detection, where it does not say; rescaled by the fit
 FLOOR_M, FLOOR_RAD = 0.0005, np.deg2rad(0.2)  # no detection is known better, whatever its covariance
 GUESSES, SUBSET, BLOCKS = 1500, 80, 10
 CUT = chi2.ppf(0.999, 6)  # squared distance, in standard deviations, from which a detection has no weight
-STEP_US = 20_000  # over which the arm's velocity is measured
 MOST_M, MOST_RAD = 0.05, np.deg2rad(5.0)  # a transform known worse than this is not known
-PRIOR = np.array(
-    [0.5, 0.1]
-)  # of log(scale) and delay (s): so wide that it counts only where nothing else does
+PRIOR = np.array([0.5, 0.1])  # of log(scale) and delay (s): so wide that it counts where nothing else does
 
 
 @dataclass(frozen=True)
@@ -55,80 +53,57 @@ class HandEye:
 class _Problem:
     """Detections and arm, and the residuals (N, 6) of parameters (14,) about a pair of transforms."""
 
-    def __init__(self, detected: Pose, arm: Pose, twist, whitener, turns, X: Pose, Y: Pose):
-        self.detected, self.arm, self.twist, self.whitener = detected, arm, twist, whitener
-        self.turns, self.X, self.Y = turns, X, Y
+    def __init__(self, detected: Pose, arm: Along, whitener, turns, X: Pose, Y: Pose):
+        self.detected, self.arm, self.whitener, self.turns = detected, arm, whitener, turns
+        self.X, self.Y = X, Y
 
     def transforms(self, x) -> tuple[Pose, Pose]:
-        return tuple(
-            Pose(Rotation.from_rotvec(d[3:]).as_matrix() @ T.rotation, T.position_m + d[:3])
-            for d, T in ((x[:6], self.X), (x[6:12], self.Y))
-        )
+        return _moved(self.X, x[:6]), _moved(self.Y, x[6:12])
 
     def errors(self, x, rows=slice(None)):
         """Position (M, 3) m and rotation (M, 3) rad by which detections differ, in the camera's axes."""
         X, Y = self.transforms(x)
-        twist = self.twist[rows] * x[13]
-        turn = Rotation.from_rotvec(twist[:, 3:]).as_matrix()
-        A = Pose(turn @ self.arm.rotation[rows], self.arm.position_m[rows] + twist[:, :3])
-        T = X @ A @ Y
+        T = X @ _moved(self.arm.T_root_tip[rows], self.arm.velocity[rows] * x[13]) @ Y
         seen = self.detected.rotation[rows, None] @ self.turns
         nearest = np.argmax(np.einsum("nkij,nij->nk", seen, T.rotation), 1)
-        chosen = np.take_along_axis(seen, nearest[:, None, None, None], 1)[:, 0]
-        rotation = rotation_vector(chosen @ np.swapaxes(T.rotation, -1, -2))
+        rotation = rotation_vector(seen[np.arange(len(seen)), nearest] @ np.swapaxes(T.rotation, -1, -2))
         return self.detected.position_m[rows] - T.position_m * np.exp(-x[12]), rotation
 
     def residuals(self, x, rows=slice(None)) -> np.ndarray:
         """Whitened, (M, 6)."""
         return np.einsum("nij,nj->ni", self.whitener[rows], np.hstack(self.errors(x, rows)))
 
-    def stacked(self, x, rows, weight=1.0, variance: float = 1.0) -> np.ndarray:
-        """All residuals in one vector (6 M + 2,), the prior behind them."""
-        return np.concatenate(
-            [(weight * self.residuals(x, rows)).ravel(), np.sqrt(variance) * x[12:] / PRIOR]
-        )
+    def least(self, x, free, rows, weight=1.0, variance: float = 1.0, **options):
+        """Least squares over the entries ``free`` of ``x``, with the prior: the new ``x``, and SciPy's result."""
+
+        def put(values):
+            y = x.copy()
+            y[free] = values
+            return y
+
+        def stacked(values):
+            y = put(values)
+            prior = np.sqrt(variance) * y[12:] / PRIOR
+            return np.concatenate([(weight * self.residuals(y, rows)).ravel(), prior])
+
+        found = least_squares(stacked, x[free], x_scale="jac", **options)
+        return put(found.x), found
 
     def fit(self, x, free, rows, rounds: int = 6):
-        """Biweight fit from ``x``: the parameters, squared distances and weights (M,), and the Jacobian."""
+        """Biweight fit from ``x``: the parameters, the variance, weights (M,), and the Jacobian."""
         for k in range(rounds):
             squared = np.sum(self.residuals(x, rows) ** 2, -1)
             variance = np.median(squared) / chi2.median(6)
             weight = np.clip(1 - squared / (variance * CUT), 0, None)  # its root is the residual's factor
-            found = least_squares(
-                lambda y, w=weight, v=variance, x=x: self.stacked(_put(x, free, y), rows, w[:, None], v),
-                x[free], x_scale="jac", max_nfev=8,
-            )  # fmt: skip
-            moved, x = np.abs(found.x - x[free]).max(), _put(x, free, found.x)
-            if k and moved < 1e-7:
+            before, (x, found) = x, self.least(x, free, rows, weight[:, None], variance, max_nfev=8)
+            if k and np.abs(x - before).max() < 1e-7:
                 break
         return x, variance, weight, found.jac
 
 
-def _put(x, free, values) -> np.ndarray:
-    y = x.copy()
-    y[free] = values
-    return y
-
-
-@dataclass(frozen=True)
-class Along:
-    """An arm at N times: ``T_root_tip`` (N,), and its velocity (N, 6) in the root's axes, m/s and rad/s."""
-
-    T_root_tip: Pose
-    velocity: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.T_root_tip)
-
-
-def along(arm: Trajectory, t_us) -> Along:
-    """An arm's trajectory ``T_root_tip`` at times (N,) inside it."""
-    t_us = np.asarray(t_us, np.int64)
-    a, b = (np.clip(t_us + s, arm.t_us[0], arm.t_us[-1]) for s in (-STEP_US, STEP_US))
-    before, after, seconds = arm.at(a), arm.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
-    turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
-    velocity = np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
-    return Along(arm.at(t_us), velocity)
+def _moved(T: Pose, by) -> Pose:
+    """Poses moved by (..., 6): shifted (m), and turned (rad) about their own origins in the root's axes."""
+    return Pose(Rotation.from_rotvec(by[..., 3:]).as_matrix() @ T.rotation, T.position_m + by[..., :3])
 
 
 def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
@@ -161,24 +136,16 @@ def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
         covariance = np.diag(np.repeat([SIGMA_M**2, SIGMA_RAD**2], 3))[None].repeat(len(detected), 0)
     floor = np.diag(np.repeat([FLOOR_M**2, FLOOR_RAD**2], 3))
     whitener = np.linalg.inv(np.linalg.cholesky(np.asarray(covariance) + floor))
-    A, twist = arm.T_root_tip, arm.velocity
 
     subset = np.unique(np.linspace(0, len(detected) - 1, SUBSET).astype(int))
-    guesses = _guesses(detected[subset], A[subset], turns, T_cam_root)
-    free = np.r_[np.arange(6 if T_cam_root else 0, 14)]
-    best, everything = None, np.arange(len(detected))
-    for X, Y, scale in guesses:
-        problem = _Problem(detected, A, twist, whitener, turns, T_cam_root or X, Y)
-        x = np.zeros(14)
-        x[12] = np.log(scale)
-        first = least_squares(
-            lambda y, p=problem, x=x: p.stacked(_put(x, free, y), subset), x[free],
-            loss="cauchy", x_scale="jac", max_nfev=40,
-        )  # fmt: skip
-        if best is None or first.cost < best[0]:
-            best = first.cost, problem, _put(x, free, first.x)
-    _, problem, x = best
-    x, variance, weight, jacobian = problem.fit(x, free, everything, 20)
+    free, tried = np.arange(6 if T_cam_root else 0, 14), []
+    for X, Y, scale in _guesses(detected[subset], arm.T_root_tip[subset], turns, T_cam_root):
+        problem = _Problem(detected, arm, whitener, turns, T_cam_root or X, Y)
+        x = np.r_[np.zeros(12), np.log(scale), 0.0]
+        x, first = problem.least(x, free, subset, loss="cauchy", max_nfev=40)
+        tried.append((first.cost, problem, x))
+    _, problem, x = min(tried, key=lambda one: one[0])
+    x, variance, weight, jacobian = problem.fit(x, free, np.arange(len(detected)), 20)
     _check(jacobian, variance, free)
     sigma, errors_m, errors_rad = _jackknife(problem, x, free, len(detected))
     X, Y = problem.transforms(x)
@@ -228,12 +195,11 @@ def _guesses(detected: Pose, A: Pose, turns, T_cam_root: Pose | None, most: int 
 def _check(jacobian, variance: float, free) -> None:
     """ValueError where the detections leave a transform open."""
     values, vectors = np.linalg.eigh(jacobian.T @ jacobian / variance)
-    sigma = np.full(14, 0.0)
+    sigma = np.zeros(14)
     sigma[free] = np.sqrt((vectors**2 / np.maximum(values, 1e-12)).sum(1))
-    unknown = sigma[:12].reshape(2, 2, 3).max(-1) > [MOST_M, MOST_RAD]
-    if unknown.any():
-        raise ValueError("the arm turns and moves too little to calibrate with; record it turning about "
-                         "two axes at least")  # fmt: skip
+    if (sigma[:12].reshape(2, 2, 3).max(-1) > [MOST_M, MOST_RAD]).any():
+        raise ValueError("the arm turns and moves too little to calibrate with; "
+                         "record it turning about two axes at least")  # fmt: skip
 
 
 def _jackknife(problem: _Problem, x, free, count: int):

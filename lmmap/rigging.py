@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import handeye
+from .arm import Along, along
 from .core import Estimate, InputError, Port, Pose, Trajectory
 from .geometry import rotation_angle_rad
 from .rig import Rig
@@ -20,7 +21,7 @@ class Detected:
 
     T_cam_port: Pose
     covariance: np.ndarray
-    arm: handeye.Along
+    arm: Along
 
 
 def detected(estimates: list[Estimate], motion: Trajectory) -> Detected:
@@ -31,8 +32,8 @@ def detected(estimates: list[Estimate], motion: Trajectory) -> Detected:
     covariance = [usual if e.covariance is None else e.covariance for e in some]
     rotation = np.array([e.T_cam_port.rotation for e in some]).reshape(-1, 3, 3)
     position_m = np.array([e.T_cam_port.position_m for e in some]).reshape(-1, 3)
-    along = handeye.along(motion, [e.t_us for e in some])
-    return Detected(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), along)
+    arm = along(motion, [e.t_us for e in some])
+    return Detected(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
 
 
 def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
@@ -62,7 +63,7 @@ def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
     T_root_tip = Pose(
         np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms])
     )
-    arm = handeye.Along(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
+    arm = Along(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
     data = (poses, arm, port.yaw_period_rad, np.concatenate([b.covariance for b in bags]))
     try:
         result = handeye.solve(*data, T_cam_root=T_cam_root)

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from strategies import PORT
 
 from lmmap import handeye, standin
+from lmmap.arm import along
 from lmmap.core import Pose, Trajectory
 from lmmap.geometry import rotation_between_rad, rotation_z
 from lmmap.laboratory import motion, sequence
@@ -21,7 +22,7 @@ def world(X: Pose, Y: Pose, name="realistic-1", seconds=30.0, count=60, delay_s=
     arm = Trajectory(t_us, X.inverse @ motion(sequence(name), t_us * 1e-6) @ Y.inverse)
     seen_us = np.linspace(5e5, t_us[-1] - 5e5, count).astype(np.int64)
     T_cam_port = motion(sequence(name), seen_us * 1e-6 + delay_s)
-    return T_cam_port, handeye.along(arm, seen_us)
+    return T_cam_port, along(arm, seen_us)
 
 
 def assert_same(found: Pose, wanted: Pose, atol=1e-5):
