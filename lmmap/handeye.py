@@ -74,7 +74,7 @@ class _Problem:
         return np.einsum("nij,nj->ni", self.whitener[rows], np.hstack(self.errors(x, rows)))
 
     def least(self, x, free, rows, weight=1.0, variance: float = 1.0, **options):
-        """Least squares over the entries ``free`` of ``x``, with the prior: the new ``x``, and SciPy's result."""
+        """Least squares over the entries ``free`` of ``x``, prior included: ``x``, and SciPy's result."""
 
         def put(values):
             y = x.copy()
