@@ -261,8 +261,8 @@ def _resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    alike = [recipe] + [replace(recipe, steps=recipe.restart, restart=0)] * (recipe.restart > 0)
-    if Recipe(**json.loads(facts["recipe"])) not in alike:
+    until_restart = replace(recipe, steps=recipe.restart or recipe.steps, restart=0)
+    if Recipe(**json.loads(facts["recipe"])) not in (recipe, until_restart):
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()
