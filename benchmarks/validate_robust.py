@@ -124,14 +124,14 @@ def scored(modality: str, label: str, job, steps: int) -> pd.DataFrame:
 
 
 def choices(steps: int) -> None:
-    """Train and judge every variant."""
+    """Train and judge every variant; the table holds those done."""
     tables = []
     for modality in CHANNELS:
         for label, job in {"not trained on": None, **variants(modality)}.items():
             tables.append(scored(modality, label, job, steps))
             print(f"{modality}, left out: {label}, IoU {tables[-1].iou.mean():.4f}", flush=True)
-    table = pd.concat(tables, ignore_index=True)
-    save_table(DATA / "results" / "robust-choices.csv", table, steps=steps, sequences=world.SEQUENCES)
+            save_table(DATA / "results" / "robust-choices.csv", pd.concat(tables, ignore_index=True), steps=steps,
+                       sequences=world.SEQUENCES, pictures=world.PICTURES)  # fmt: skip
 
 
 def main() -> None:
@@ -146,7 +146,7 @@ def main() -> None:
             rows = scores(modality, Estimator(modality=modality, weights=gap))
             table += [{"domain_gap": gap, **row} for row in rows]
     path = save_table(DATA / "results" / "robust.csv", pd.DataFrame(table), sequences=world.SEQUENCES,
-                      pictures=world.PICTURES)  # fmt: skip
+                      pictures=world.PICTURES, near_px=NEAR_PX, near_size=NEAR_SIZE)  # fmt: skip
     wide = load_table(path).pivot_table(
         ["iou", "found_percent"], ["modality", "filter", "condition"], "domain_gap"
     )
