@@ -145,6 +145,7 @@ def main() -> None:
         for modality in CHANNELS:
             rows = scores(modality, Estimator(modality=modality, weights=gap))
             table += [{"domain_gap": gap, **row} for row in rows]
+            print(f"{gap}, {modality}: IoU {np.mean([row['iou'] for row in rows]):.3f}", flush=True)
     path = save_table(DATA / "results" / "robust.csv", pd.DataFrame(table), sequences=world.SEQUENCES,
                       pictures=world.PICTURES, near_px=NEAR_PX, near_size=NEAR_SIZE)  # fmt: skip
     wide = load_table(path).pivot_table(
