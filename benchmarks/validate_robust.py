@@ -23,7 +23,7 @@ from validation_conditions import CONDITIONS, cases
 
 from lmmap import augment, dataset, training
 from lmmap.contour import Contour
-from lmmap.filters import CHANNELS, load_filter, shipped_gaps
+from lmmap.filters import CHANNELS, load_card, load_filter, shipped_gaps, weight_path
 from lmmap.geometry import circle_ellipse
 from lmmap.pipeline import Estimator
 from lmmap.quality import iou
@@ -93,10 +93,16 @@ def variants(modality: str) -> dict[str, tuple[tuple, int]]:
             **{name: ((name,), 0) for name in every}}  # fmt: skip
 
 
+def kept_as(modality: str, label: str, steps: int, suffix: str):
+    """Where a variant is kept: another start makes another one."""
+    start = load_card(weight_path("ring", modality, "low"))["sha256"][:8]
+    return world.FOLDER / "choices" / f"{modality}-{label}-{steps}-{start}{suffix}"
+
+
 def trained(modality: str, label: str, left_out, seed: int, steps: int):
     """A ring filter trained on from the low set's, kept."""
     links, names = world.FOLDER / "training", dataset.SETS["robust"]
-    kept = world.FOLDER / "choices" / f"{modality}-{label}-{steps}.safetensors"
+    kept = kept_as(modality, label, steps, ".safetensors")
     if not kept.exists():
         dataset.make(names, DERIVED / "training")
         links.mkdir(parents=True, exist_ok=True)
@@ -113,7 +119,7 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
 
 def scored(modality: str, label: str, job, steps: int) -> pd.DataFrame:
     """Scores of a variant, kept."""
-    kept = world.FOLDER / "choices" / f"{modality}-{label}-{steps}.csv"
+    kept = kept_as(modality, label, steps, ".csv")
     if not kept.exists():
         estimator = Estimator(modality=modality)
         ring_filter = trained(modality, label, *job, steps) if job else estimator.ring_filter
@@ -130,8 +136,9 @@ def choices(steps: int) -> None:
         for label, job in {"not trained on": None, **variants(modality)}.items():
             tables.append(scored(modality, label, job, steps))
             print(f"{modality}, left out: {label}, IoU {tables[-1].iou.mean():.4f}", flush=True)
-            save_table(DATA / "results" / "robust-choices.csv", pd.concat(tables, ignore_index=True), steps=steps,
-                       sequences=world.SEQUENCES, pictures=world.PICTURES)  # fmt: skip
+            done = pd.concat(tables, ignore_index=True)
+            save_table(DATA / "results" / "robust-choices.csv", done, steps=steps, sequences=world.SEQUENCES,
+                       pictures=world.PICTURES)  # fmt: skip
 
 
 def main() -> None:
