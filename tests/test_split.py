@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import tune_fusion
+import validation_world
 
 from lmmap import dataset, photometry, study, tracking
 from lmmap.core import PAPER
@@ -20,6 +21,7 @@ TUNED_ON = {
     "benchmarks/tune_fusion.py": tune_fusion.SEQUENCES,
     "benchmarks/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
     "benchmarks/choose_thresholds.py": [*calibrate_uncertainty.SEQUENCES, *choose_thresholds.EMPTY],
+    "benchmarks/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [name for names in dataset.SETS.values() for name in names],
 }
@@ -37,6 +39,14 @@ def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
 def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
     trained = set(TUNED_ON["filters"])
     assert not trained & {*tune_fusion.SEQUENCES, *calibrate_uncertainty.SEQUENCES}
+
+
+def test_no_two_choices_are_made_on_the_same_sequences():
+    """What the robust set is judged on neither trains the filters nor tunes anything else."""
+    reserved = TUNED_ON["benchmarks/validate_robust.py"]
+    others = [name for user, names in TUNED_ON.items() if names is not reserved for name in names]
+    assert len(set(reserved)) == len(reserved)
+    assert not set(reserved) & set(others)
 
 
 def test_training_and_test_move_differently():
