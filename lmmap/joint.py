@@ -20,8 +20,8 @@ from .geometry import circle_conic, project
 # Standard deviation of an edge point as if points were independent: neighbours err alike, so it is larger
 # than their scatter; and the factor that makes the covariance honest, for masks err in more than that.
 # By `python benchmarks/calibrate_uncertainty.py`, on sequences that neither train nor test.
-MARKER_SIGMA_PX = {"rgb": 2.8, "event": 2.8}
-INFLATION = {"rgb": 1.0, "event": 1.0}
+MARKER_SIGMA_PX = {"rgb": 1.4, "event": 1.7}
+INFLATION = {"rgb": 1.53, "event": 1.52}
 
 SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
