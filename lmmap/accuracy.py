@@ -189,23 +189,3 @@ def compare(folder: Path) -> pd.DataFrame:
         keys = cell if variant == "fused" else [*cell, "modality"]
         paper = paper.merge(of[[*keys, *ends.values()]], on=keys, how=how)
     return paper
-
-
-def as_text(table: pd.DataFrame, who=("published", "printed", "ours", "certain", "fused")) -> pd.DataFrame:
-    """`compare`'s rows as the paper prints its table, values with their 95 % intervals: a row per metric,
-    statistic and estimator, a column per light and modality; positions in mm."""
-    scale = np.where(table.metric == "position_error_m", 1e3, 1.0)
-    parts = []
-    for name in who:
-        ends = [table[name + end] * scale for end in ("", "_low", "_high") if name + end in table]
-        text = [" to ".join(f"{v:.3g}" for v in values[1:]) for values in zip(*ends, strict=True)]
-        known = [f"{v:.3g}" + (f" ({t})" if t else "") if np.isfinite(v) else "none"
-                 for v, t in zip(ends[0], text, strict=True)]  # fmt: skip
-        parts.append(table.assign(estimator=name, text=known))
-    every = pd.concat(parts).replace({"metric": {"position_error_m": "position_error_mm"}})
-    wide = every.pivot(
-        index=["metric", "statistic", "estimator"], columns=["light", "modality"], values="text"
-    )
-    order = [(light, modality) for light in LIGHTS for modality in MODALITIES]
-    rows = [(m, s, w) for m, s in dict.fromkeys(zip(every.metric, every.statistic, strict=True)) for w in who]
-    return wide.reindex(index=rows, columns=order)

@@ -8,7 +8,9 @@ import cycler
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from pandas.io.formats.style import Styler
 
+from . import tables
 from .core import Camera, Ellipse, Estimate, Port, Pose, Recording
 from .geometry import circle_points_m, project
 from .pipeline import Estimator, images
@@ -22,7 +24,7 @@ LINES = ("rgb", "event", "truth", "paper", "rival")
 
 def use_style() -> None:
     """Transparent figures with grey ink, so that light and dark pages can both carry them."""
-    _describe_in_files()
+    _register()
     ink = COLOUR["ink"]
     matplotlib.rcParams.update({
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
@@ -50,17 +52,21 @@ def describe(fig) -> str:
     return "; ".join(f"{n} times {text}" if n > 1 else text for text, n in counts.items())
 
 
-def _describe_in_files() -> None:
-    """In a notebook, write each figure's description into its PNG file, where the book's pages find it."""
+def _register() -> None:
+    """In a notebook, write each figure's description into its PNG file, where the book's pages find it, and
+    styled tables alike each time."""
     from IPython import get_ipython
     from IPython.core.pylabtools import print_figure
 
     if shell := get_ipython():
         plt.switch_backend(matplotlib.get_backend())  # now, or its own formatter would come after ours
-        shell.display_formatter.formatters["image/png"].for_type(
+        formatters = shell.display_formatter.formatters
+        formatters["image/png"].for_type(
             plt.Figure,
             lambda fig: print_figure(fig, "png", base64=True, metadata={"Description": describe(fig)}),
         )
+        formatters["text/html"].for_type(Styler, tables.html)
+        formatters["text/plain"].for_type(Styler, lambda table, printer, _: printer.text(tables.text(table)))
 
 
 def show_image(ax, image, title: str = "") -> None:

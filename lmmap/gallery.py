@@ -13,6 +13,7 @@ from .core import Port
 from .metrics import position_error_m
 from .pipeline import images
 from .recordings import open_recording, read_estimates
+from .tables import ANSWERS, CAMERAS
 
 
 def worst(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> pd.DataFrame:
@@ -61,7 +62,7 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = 5):
     """The images of ``rows`` (``sequence, modality, label, t_us``) with estimate and truth, and under each
     what it is; estimates were made at ``rate_hz``."""
     height = -(-len(rows) // columns)
-    fig, axes = plt.subplots(height, columns, figsize=(2 * columns, 1.85 * height), squeeze=False)
+    fig, axes = plt.subplots(height, columns, figsize=(1.5 * columns, 1.5 * height), squeeze=False)
     for ax in axes.ravel():
         ax.set_axis_off()
     at = {key: ax for key, ax in zip(zip(rows.label, rows.t_us, strict=True), axes.ravel(), strict=False)}
@@ -77,8 +78,9 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = 5):
             figures.draw_estimate(ax, image, answer, Port.lm_map(), recording.camera, truth)
             if answer.T_cam_port is None and answer.ellipse is not None:
                 figures.draw_ellipse(ax, answer.ellipse)
-            said = str(answer.status)
+            said = ANSWERS[str(answer.status)]
             if answer.T_cam_port is not None and truth is not None:
                 said = f"{1e3 * position_error_m(answer.T_cam_port, truth):.1f} mm"
-            ax.set_title(f"{name} {modality}\n{t_us * 1e-6:.1f} s: {said}", fontsize=7)
+            where = name.removeprefix("test-").replace("-", " ")
+            ax.set_title(f"{where}, {CAMERAS[modality]}\n{t_us * 1e-6:.1f} s: {said}", fontsize=8)
     return fig

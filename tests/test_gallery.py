@@ -42,5 +42,5 @@ def test_worst_come_first_and_misses_are_spread(tmp_path):
     rows = pd.concat([worst, missed])
     fig = gallery.draw(rows, folder, 5.0, columns=3)
     titles = [ax.get_title() for ax in fig.axes if ax.images]
-    assert len(titles) == 5 and sum("no_ring" in title for title in titles) == 2
+    assert len(titles) == 5 and sum("no ring" in title for title in titles) == 2
     assert len(read_estimates(folder / "estimates-mini-rgb.csv")) > 5

@@ -85,9 +85,9 @@ def describe_figures(app, doctree) -> None:
 def made_of(names: set[str]) -> nodes.paragraph:
     """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
     line = nodes.paragraph(classes=["made-of"])
-    for word, some in (("Made by ", [n for n in names if n.startswith("lmmap.")]),
-                       (" from ", [n for n in names if not n.startswith("lmmap.")])):  # fmt: skip
-        for name in sorted(some):
+    ours = sorted(name for name in names if name.startswith("lmmap."))
+    for word, some in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
+        for name in some:
             line += nodes.Text(word)
             shown = nodes.literal(text=name.removeprefix("lmmap."))
             link = {"refdomain": "py", "reftype": "obj", "reftarget": name}

@@ -1,0 +1,82 @@
+"""Tables as pages show them: in words and units, no wider than a page, and with the same bytes each time."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+STATISTICS = ("median", "in_fov", "rmse", "all")
+WORDS = {  # what a table calls a metric and its statistic
+    ("position_error_m", "median"): "position (mm)",
+    ("normal_error_deg", "median"): "normal (°)",
+    ("rotation_error_deg", "median"): "rotation (°)",
+    ("detection_rate_percent", "in_fov"): "found, ring in view (%)",
+    ("position_error_m", "rmse"): "position, RMSE (mm)",
+    ("normal_error_deg", "rmse"): "normal, RMSE (°)",
+    ("rotation_error_deg", "rmse"): "rotation, RMSE (°)",
+    ("detection_rate_percent", "all"): "found, all images (%)",
+}
+ESTIMATORS = {"published": "paper", "printed": "printed", "ours": "ours", "certain": "certain", "fused": "fused"}
+LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
+CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
+ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers"}
+
+
+def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS) -> pd.DataFrame:
+    """Rows of `accuracy.compare` in words: a row per metric and estimator, a column per light and camera,
+    positions in mm; a value, and in brackets its 95 % interval where it has one."""
+    metrics = [words for (_, statistic), words in WORDS.items() if statistic in statistics]
+    scale, parts = np.where(compared.metric == "position_error_m", 1e3, 1.0), []
+    named = compared.assign(
+        of=[WORDS.get(key) for key in zip(compared.metric, compared.statistic, strict=True)],
+        light=compared.light.map(LIGHTS), camera=compared.modality.map(CAMERAS),
+    )  # fmt: skip
+    for column, estimator in ESTIMATORS.items():
+        ends = [named.get(column + end, named.published * np.nan) * scale for end in ("", "_low", "_high")]
+        text = [_with_interval(*values) for values in zip(*ends, strict=True)]
+        parts.append(named.assign(estimator=estimator, text=text))
+    wide = pd.concat(parts).pivot(index=["of", "estimator"], columns=["light", "camera"], values="text")
+    rows, columns = product(metrics, ESTIMATORS.values()), product(LIGHTS.values(), ("frames", "events"))
+    wide = wide.reindex(index=list(rows), columns=list(columns))
+    return wide.rename_axis(index=(None, None), columns=(None, None))
+
+
+def _with_interval(value: float, low: float, high: float) -> str:
+    if not np.isfinite(value):
+        return "none"
+    ends = [_digits(end) for end in (low, high) if np.isfinite(end)]
+    return _digits(value) + (f" ({' to '.join(ends)})" if len(set(ends)) == 2 else "")
+
+
+def _digits(value: float) -> str:
+    """Three of them, and none behind the point from a hundred on."""
+    return f"{value:.3g}" if value < 100 else f"{value:.0f}"
+
+
+def small_intervals(table: pd.DataFrame):
+    """A table of texts, styled: what each has in brackets in small letters under it."""
+    return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))
+
+
+def of_claims(claims: pd.DataFrame):
+    """`claims.claims`, styled: reasons in small letters under the claims, our two numbers one over the other."""
+    told = claims.assign(
+        claim=claims.claim + "<br><small>" + claims.why + "</small>",
+        paper=claims.paper.str.replace("; ", "<br>"), ours=claims.ours.str.replace("; ", "<br>"),
+    )  # fmt: skip
+    return told.drop(columns="why").style.hide().set_table_attributes('class="dataframe sentences"')
+
+
+def html(styled) -> str:
+    """A styled table in HTML, its identifier made from its content, where pandas would draw a random one."""
+    content = styled.to_html(table_uuid="table")
+    return styled.to_html(table_uuid=hashlib.sha256(content.encode()).hexdigest()[:8])
+
+
+def text(styled) -> str:
+    """A styled table's values in letters of one width, for paper."""
+    return styled.data.to_string()
