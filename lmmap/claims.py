@@ -94,9 +94,9 @@ def _outlier_filter(table):
     rates = table.statistic.isin(["all", "in_fov"])
     for claim, some, holds in (
         ("The outlier filter lowers the RMSE", table[table.statistic == "rmse"], lambda new, old: new < old),
-        ("It changes the median by less than a fifth", table[table.statistic == "median"],
+        ("The outlier filter changes the median by less than a fifth", table[table.statistic == "median"],
          lambda new, old: (new / old - 1).abs() < 0.2),
-        ("It costs detections", table[rates], lambda new, old: new <= old),
+        ("The outlier filter costs detections", table[rates], lambda new, old: new <= old),
     ):  # fmt: skip
         new, old = (some[some.outlier_filter == f].set_index(keys) for f in ("with", "without"))
         said, share = {}, {}

@@ -17,7 +17,7 @@ from .pipeline import Estimator, images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
 COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "truth": "#009E73", "paper": "#CC79A7", "ours": "#56B4E9",
-          "rival": "#E69F00", "ink": "#8A8A8A"}  # fmt: skip
+          "rival": "#E69F00", "ink": "#7C7C7C"}  # fmt: skip
 
 LINES = ("rgb", "event", "truth", "paper", "rival")
 
@@ -98,6 +98,7 @@ def draw_port(
 
 
 def draw_ellipse(ax, ellipse: Ellipse, colour: str = COLOUR["ours"], **style) -> None:
+    """An ellipse's contour, on an image."""
     u, v = ellipse.points(180).T
     ax.plot(np.append(u, u[0]), np.append(v, v[0]), color=colour, **{"lw": 1.0, **style})
 
@@ -117,7 +118,7 @@ def draw_estimate(
 
 def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
     """Image, ring mask with its ellipse, marker mask and pose, a row per modality; and the estimates."""
-    fig, axes = plt.subplots(len(modalities), 4, figsize=(10, 2.05 * len(modalities)), squeeze=False)
+    fig, axes = plt.subplots(len(modalities), 4, figsize=(7.6, 1.65 * len(modalities)), squeeze=False)
     answers = []
     for row, modality in zip(axes, modalities, strict=True):
         estimator = Estimator(recording.camera, modality=modality)

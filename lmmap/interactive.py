@@ -19,6 +19,9 @@ from .figures import COLOUR
 from .geometry import circle_conic, circle_ellipse, circle_points_m, ellipse_from_conic, project
 
 
+FAINT = "rgba(124, 124, 124, 0.25)"  # the ink, for lines on light and dark
+
+
 class Interactive:
     """A plotly figure in a notebook: on pages it needs no network, as plotly.js comes with the book;
     JupyterLab draws it too; paper gets a still of how it begins."""
@@ -26,6 +29,9 @@ class Interactive:
     def __init__(self, fig, div_id: str):
         fig.update_layout(template="none", paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
                           font_color=COLOUR["ink"])  # fmt: skip
+        fig.update_xaxes(gridcolor=FAINT, zerolinecolor=FAINT)
+        fig.update_yaxes(gridcolor=FAINT, zerolinecolor=FAINT)
+        fig.update_layout(sliders=[{"bgcolor": FAINT, "bordercolor": FAINT}] * len(fig.layout.sliders))
         self.fig, self.div_id = fig, div_id
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:

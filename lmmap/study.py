@@ -26,7 +26,7 @@ BENCH = [
 TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
 PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
-DRAWS = 1000
+DRAWS, SEED = 1000, 0  # of the bootstrap
 
 
 def sequences_of(profile: str) -> list[str]:
@@ -93,6 +93,7 @@ def label(name: str, modality: str, gap: str) -> str:
 def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
     seconds = sequences.SECONDS[profile][kind := name.split("-")[0]]
     recording = recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
+    facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
     for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
         found = {m: _estimates(recording, m, gap, rate_hz, folder, mark, report) for m in MODALITIES}
@@ -101,15 +102,15 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
         for modality, some in found.items():
             if recording.truth is not None:
                 table = errors(recording, some, port)
-                save_table(folder / f"errors-{label(name, modality, gap)}.csv", table, profile=profile)
+                save_table(folder / f"errors-{label(name, modality, gap)}.csv", table, **facts)
     if kind == "test":
         fits = pd.concat([filter_quality(recording, gap) for gap in shipped_gaps()])
-        save_table(folder / f"filters-{name}.csv", fits, profile=profile)
+        save_table(folder / f"filters-{name}.csv", fits, **facts)
     if recording.truth is not None:
         shares_percent = saturation(recording, port)
-        save_table(folder / f"saturation-{name}.csv", shares_percent, profile=profile)
+        save_table(folder / f"saturation-{name}.csv", shares_percent, **facts)
         values = shares_percent[["low", "high"]].mean().to_dict()
-        save_json(folder / f"saturation-{name}.json", values, profile=profile)
+        save_json(folder / f"saturation-{name}.json", values, **facts)
     (folder / f"{name}.done").write_text(mark)
 
 
@@ -139,18 +140,18 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
 
 def _tabulate(profile: str, folder: Path) -> None:
     """Tables of the whole profile: cells with intervals, coverage of the covariances, counts, claims."""
-    cells, covered, counted = [], [], []
+    cells, covered, counted, facts = [], [], [], {"profile": profile, "seed": SEED}
     for light in LIGHTS:
         names = _tests(profile, light)
         for gap in DOMAIN_GAPS:
             for modality in (*MODALITIES, "fused"):
                 tables = [pd.read_csv(folder / f"errors-{label(n, modality, gap)}.csv") for n in names]
                 where = {"light": light, "modality": modality, "training": f"{gap}-domain-gap"}
-                cell = summary(tables, DRAWS)
+                cell = summary(tables, DRAWS, SEED)
                 if modality == "fused":
                     cell = cell[cell.variant == "exact"].replace({"variant": {"exact": "fused"}})
                 cells.append(cell.assign(**where))
-                covered.append({**where, **coverage(tables, DRAWS)})
+                covered.append({**where, **coverage(tables, DRAWS, SEED)})
     for name in sequences_of(profile):
         for modality in (*MODALITIES, "fused"):
             found = read_estimates(folder / f"estimates-{name}-{modality}.csv")
@@ -164,9 +165,9 @@ def _tabulate(profile: str, folder: Path) -> None:
               "counts": pd.DataFrame(counted), "saturation": saturated}  # fmt: skip
     for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
         for name, table in tables.items():
-            save_table(target / f"{name}.csv", table, profile=profile, draws=DRAWS, block_s=BLOCK_S)
+            save_table(target / f"{name}.csv", table, draws=DRAWS, block_s=BLOCK_S, **facts)
         rows = claims(compare(target), tables["counts"], tables["saturation"])
-        save_table(target / "claims.csv", rows, profile=profile)
+        save_table(target / "claims.csv", rows, **facts)
 
 
 def _saturated(profile: str, folder: Path, light: str) -> pd.DataFrame:

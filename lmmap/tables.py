@@ -20,7 +20,13 @@ WORDS = {  # what a table calls a metric and its statistic
     ("rotation_error_deg", "rmse"): "rotation, RMSE (°)",
     ("detection_rate_percent", "all"): "found, all images (%)",
 }
-ESTIMATORS = {"published": "paper", "printed": "printed", "ours": "ours", "certain": "certain", "fused": "fused"}
+ESTIMATORS = {
+    "published": "paper",
+    "printed": "printed",
+    "ours": "ours",
+    "certain": "certain",
+    "fused": "fused",
+}
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers"}
@@ -68,7 +74,12 @@ def of_claims(claims: pd.DataFrame):
         claim=claims.claim + "<br><small>" + claims.why + "</small>",
         paper=claims.paper.str.replace("; ", "<br>"), ours=claims.ours.str.replace("; ", "<br>"),
     )  # fmt: skip
-    return told.drop(columns="why").style.hide().set_table_attributes('class="dataframe sentences"')
+    return of_sentences(told.drop(columns="why"))
+
+
+def of_sentences(table: pd.DataFrame):
+    """A table without index, styled, whose cells may take several lines."""
+    return table.style.hide().set_table_attributes('class="sentences"')
 
 
 def html(styled) -> str:
@@ -79,4 +90,4 @@ def html(styled) -> str:
 
 def text(styled) -> str:
     """A styled table's values in letters of one width, for paper."""
-    return styled.data.to_string()
+    return styled.data.to_string(index=not any(styled.hide_index_))

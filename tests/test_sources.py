@@ -47,6 +47,16 @@ def test_a_variable_assigned_anew_forgets_what_it_was():
     assert sources(cells)[2] == {"lmmap.events.windows"}
 
 
+def test_variables_of_comprehensions_stay_in_them():
+    cells = [
+        IMPORTS,
+        "t = [project(k, 0) for k in range(3)]",
+        "plt.plot([k for k in range(2)])",
+        "plt.plot(t)",
+    ]
+    assert [sources(cells)[k] for k in (2, 3)] == [set(), {"lmmap.geometry.project"}]
+
+
 def test_a_figure_is_described_by_its_labels_titles_and_legend():
     fig, (left, right) = plt.subplots(1, 2)
     left.plot([0, 1], label="ours")

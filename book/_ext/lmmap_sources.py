@@ -25,8 +25,9 @@ def sources(cells: list[str]) -> list[set[str]]:
                 for name in statement.names:
                     imported[name.asname or name.name] = _resolved(statement.module, name.name)
                 continue
-            new, changed = _names(statement, ast.Store), _changed(statement)
-            own = new if isinstance(statement, ast.For | ast.With) else set()
+            inner = _of_comprehensions(statement)
+            new, changed = _names(statement, ast.Store) - inner, _changed(statement)
+            own = inner | (new if isinstance(statement, ast.For | ast.With) else set())
             loaded = (_names(statement, ast.Load) - own) | changed
             of = _named(statement, imported).union(*(known.get(name, ()) for name in loaded))
             known |= dict.fromkeys(new | changed, of)
@@ -45,6 +46,12 @@ def _resolved(module: str, name: str):
 def _names(tree, context) -> set[str]:
     names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, context)}
     return names | ({tree.name} if isinstance(tree, ast.FunctionDef) and context is ast.Store else set())
+
+
+def _of_comprehensions(statement) -> set[str]:
+    """Variables that live inside a comprehension only."""
+    targets = [n.target for n in ast.walk(statement) if isinstance(n, ast.comprehension)]
+    return {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
 
 
 def _changed(statement) -> set[str]:

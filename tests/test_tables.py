@@ -1,0 +1,65 @@
+"""Tables of pages: each number where it belongs, and the same bytes each time."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lmmap import tables
+from lmmap.claims import COLUMNS
+from lmmap.core import Status
+from lmmap.results import DATA
+
+
+@pytest.fixture
+def compared():
+    """One quarter of the paper's table, ours twice as large with intervals, and no *certain*."""
+    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "published"})
+    table = table.query("training == 'low-domain-gap' and outlier_filter == 'without'")
+    return table.assign(ours=2 * table.published, ours_low=table.published, ours_high=3 * table.published,
+                        printed=table.published, printed_low=table.published, printed_high=table.published,
+                        fused=np.nan)  # fmt: skip
+
+
+def test_a_table_says_in_words_what_the_numbers_say(compared):
+    table = tables.of_accuracy(compared)
+    assert len(table) == len(tables.WORDS) * len(tables.ESTIMATORS)
+    for (metric, statistic, light, camera), row in compared.groupby(
+        ["metric", "statistic", "light", "modality"]
+    ):
+        of = table[tables.LIGHTS[light], tables.CAMERAS[camera]].loc[tables.WORDS[metric, statistic]]
+        scale = 1e3 if metric == "position_error_m" else 1
+        value, low_high = of.ours.rstrip(")").split(" (")
+        ends = [float(end) for end in low_high.split(" to ")]
+        assert [float(value), *ends] == pytest.approx(
+            scale * row.published.item() * np.array([2, 1, 3]), rel=0.006
+        )
+        assert float(of.paper) == pytest.approx(scale * row.published.item(), rel=0.006)
+        assert of.printed == of.paper  # an interval of no width goes without saying
+        assert of.fused == of.certain == "none"
+
+
+def test_no_name_of_the_code_is_left(compared):
+    page = tables.html(tables.small_intervals(tables.of_accuracy(compared)))
+    shown = re.sub(r"<[^>]*>", "", page)
+    assert "found, ring in view" in shown and "_" not in shown
+
+
+def test_a_styled_table_has_the_same_bytes_each_time_and_identifiers_of_its_own():
+    one, other = pd.DataFrame({"a": [1.0, 2.0]}), pd.DataFrame({"a": [1.0, 3.0]})
+    assert one.style.to_html() != one.style.to_html()  # pandas draws a new identifier
+    assert tables.html(one.style) == tables.html(one.style)
+    identifiers = [tables.html(t.style).split('<table id="')[1].split('"')[0] for t in (one, other)]
+    assert len(set(identifiers)) == 2
+
+
+def test_claims_lose_no_column():
+    claims = pd.DataFrame([["It is so", "1 | 2", "printed 3; ours 4", "holds", "a rule"]], columns=COLUMNS)
+    page = tables.html(tables.of_claims(claims))
+    assert all(part in page for part in ("It is so", "a rule", "1 | 2", "printed 3<br>ours 4", "holds"))
+    assert "why" not in tables.text(tables.of_claims(claims))
+
+
+def test_every_status_has_its_words():
+    assert set(tables.ANSWERS) == {str(status) for status in Status}
