@@ -120,14 +120,14 @@ def _rotation(table):
 
 
 def _hard_cases(counts):
-    paper = _other().set_index(["quantity", "condition"]).value
+    paper, titles = _other().set_index(["quantity", "condition"]).value, {"rgb": "RGB", "event": "event"}
     for name, case, weak in (("hard-slow", "slow motion", "event"), ("hard-reflect", "full reflect", "rgb")):
         some = counts[counts.sequence == name].set_index("modality")
         rate = 100 * some.ellipses / some.images
         strong = {"event": "rgb", "rgb": "event"}[weak]
         said = " | ".join(paper[(f"ellipse detection success, {m}", case)] for m in ("rgb", "event"))
         fused = 100 * some.poses["fused"] / some.images["fused"]
-        yield (f"{case.capitalize()} blinds the {'RGB' if weak == 'rgb' else weak} camera only (images with an ellipse, %: RGB | events)",
+        yield (f"{case.capitalize()} blinds the {titles[weak]} camera only (images with an ellipse, %: RGB | events)",
                said, f"{rate['rgb']:.1f} | {rate['event']:.1f}; fused poses {fused:.1f}",
                _verdict(rate[strong] > max(2 * rate[weak], 50)),
                "the other has an ellipse in over half, and twice as many")  # fmt: skip

@@ -18,7 +18,6 @@ from .events import histogram
 from .figures import COLOUR
 from .geometry import circle_conic, circle_ellipse, circle_points_m, ellipse_from_conic, project
 
-
 FAINT = "rgba(124, 124, 124, 0.25)"  # the ink, for lines on light and dark
 
 

@@ -69,7 +69,7 @@ def small_intervals(table: pd.DataFrame):
 
 
 def of_claims(claims: pd.DataFrame):
-    """`claims.claims`, styled: reasons in small letters under the claims, our two numbers one over the other."""
+    """`claims.claims`, styled: reasons in small letters under the claims, numbers one over the other."""
     told = claims.assign(
         claim=claims.claim + "<br><small>" + claims.why + "</small>",
         paper=claims.paper.str.replace("; ", "<br>"), ours=claims.ours.str.replace("; ", "<br>"),
