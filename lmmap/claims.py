@@ -127,7 +127,8 @@ def _hard_cases(counts):
         strong = {"event": "rgb", "rgb": "event"}[weak]
         said = " | ".join(paper[(f"ellipse detection success, {m}", case)] for m in ("rgb", "event"))
         fused = 100 * some.poses["fused"] / some.images["fused"]
-        yield (f"{case.capitalize()} blinds the {titles[weak]} camera only (images with an ellipse, %: RGB | events)",
+        claim = f"{case.capitalize()} blinds the {titles[weak]} camera only"
+        yield (f"{claim} (images with an ellipse, %: RGB | events)",
                said, f"{rate['rgb']:.1f} | {rate['event']:.1f}; fused poses {fused:.1f}",
                _verdict(rate[strong] > max(2 * rate[weak], 50)),
                "the other has an ellipse in over half, and twice as many")  # fmt: skip
