@@ -1,4 +1,4 @@
-"""The book's own build, of a book with one page: never stale, never with a broken cell, always the same bytes."""
+"""Builds of a book with one page: never stale, never with a broken cell, always the same bytes."""
 
 import os
 import shutil
