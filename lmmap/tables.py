@@ -70,10 +70,11 @@ def small_intervals(table: pd.DataFrame):
 
 def of_claims(claims: pd.DataFrame):
     """`claims.claims`, styled: reasons in small letters under the claims, numbers one over the other."""
+    why = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
     told = claims.assign(
-        claim=claims.claim + "<br><small>" + claims.why + "</small>",
-        paper=claims.paper.str.replace("; ", "<br>"), ours=claims.ours.str.replace("; ", "<br>"),
-    )  # fmt: skip
+        claim=claims.claim + "<br><small>" + why + "</small>",
+        ours=claims.ours.str.replace("; ours ", "<br>ours "),
+    )
     return of_sentences(told.drop(columns="why"))
 
 

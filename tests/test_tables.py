@@ -55,9 +55,14 @@ def test_a_styled_table_has_the_same_bytes_each_time_and_identifiers_of_its_own(
 
 
 def test_claims_lose_no_column():
-    claims = pd.DataFrame([["It is so", "1 | 2", "printed 3; ours 4", "holds", "a rule"]], columns=COLUMNS)
+    claims = pd.DataFrame(
+        [["It is so", "1 | 2", "printed 3; 4; ours 5; 6", "holds", "a `rule`"]], columns=COLUMNS
+    )
     page = tables.html(tables.of_claims(claims))
-    assert all(part in page for part in ("It is so", "a rule", "1 | 2", "printed 3<br>ours 4", "holds"))
+    assert all(
+        part in page
+        for part in ("It is so", "a <code>rule</code>", "1 | 2", "printed 3; 4<br>ours 5; 6", "holds")
+    )
     assert "why" not in tables.text(tables.of_claims(claims))
 
 
