@@ -79,9 +79,8 @@ def test_two_builds_in_two_places_are_equal_byte_by_byte(book, tmp_path_factory)
     for place in (book, other):
         code, said = build(place, "1")
         assert code == 0, said
-    one, two = ({path.relative_to(place): path.read_bytes()
-                 for path in (place / "_build" / "html").rglob("*") if path.is_file()}
-                for place in (book, other))  # fmt: skip
+    one, two = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()}
+                for html in (book / "_build" / "html", other / "_build" / "html"))  # fmt: skip
     assert "error (mm)" in one[Path("book/page.html")].decode()
     assert any(path.suffix == ".png" and path.parts[0] == "_images" for path in one)
     assert one.keys() == two.keys() and [path for path in one if one[path] != two[path]] == []
