@@ -9,6 +9,7 @@ import pandas as pd
 
 from . import accuracy
 from .results import load_json
+from .tables import of_accuracy
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry"}
@@ -38,8 +39,10 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
             found[f"lights that are not the paper's ({mark})"] = _short(other)
         cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
         for training, some in cells.groupby("training"):
-            text = accuracy.as_text(some, ("published", "bench", mark)).dropna(axis=1, how="all")
-            found[f"table ({mark}; {training}, medians, and detections in percent)"] = text
+            text = of_accuracy(
+                some, ("median", "in_fov", "all"), {"published": "paper", "bench": "bench", mark: mark}
+            )
+            found[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -32,21 +32,22 @@ CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers"}
 
 
-def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS) -> pd.DataFrame:
-    """Rows of `accuracy.compare` in words: a row per metric and estimator, a column per light and camera,
-    positions in mm; a value, and in brackets its 95 % interval where it has one."""
+def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,
+                estimators: Mapping[str, str] = ESTIMATORS) -> pd.DataFrame:  # fmt: skip
+    """Rows of `accuracy.compare` in words: a row per metric and estimator (titles by column), a column per
+    light and camera, positions in mm; a value, and in brackets its 95 % interval where it has one."""
     metrics = [words for (_, statistic), words in WORDS.items() if statistic in statistics]
     scale, parts = np.where(compared.metric == "position_error_m", 1e3, 1.0), []
     named = compared.assign(
         of=[WORDS.get(key) for key in zip(compared.metric, compared.statistic, strict=True)],
         light=compared.light.map(LIGHTS), camera=compared.modality.map(CAMERAS),
     )  # fmt: skip
-    for column, estimator in ESTIMATORS.items():
+    for column, estimator in estimators.items():
         ends = [named.get(column + end, named.published * np.nan) * scale for end in ("", "_low", "_high")]
         text = [_with_interval(*values) for values in zip(*ends, strict=True)]
         parts.append(named.assign(estimator=estimator, text=text))
     wide = pd.concat(parts).pivot(index=["of", "estimator"], columns=["light", "camera"], values="text")
-    rows, columns = product(metrics, ESTIMATORS.values()), product(LIGHTS.values(), ("frames", "events"))
+    rows, columns = product(metrics, estimators.values()), product(LIGHTS.values(), ("frames", "events"))
     wide = wide.reindex(index=list(rows), columns=list(columns))
     return wide.rename_axis(index=(None, None), columns=(None, None))
 
