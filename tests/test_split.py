@@ -63,7 +63,7 @@ def test_training_and_test_move_differently():
 def test_the_constants_are_the_scripts_choice():
     """The committed grid's best score, and the committed choices, are what the module holds."""
     grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
-    best = grid.loc[grid.score.idxmax()]
+    best = tune_fusion.choice(grid)
     assert asdict(Motion()) == pytest.approx(choices["motion"])
     for name in ("acceleration_m", "acceleration_rad", "correlation_s"):
         assert getattr(Motion(), name) == best[name]
