@@ -6,8 +6,9 @@ train nor test anything.
 Realistic sequences under every light and on both skins, each also with frames, events or both taken away
 for a while, because a filter that coasts must know how far it may.  The score is the logarithmic score of
 the true pose under the fused covariance, which rewards small errors and honest covariances alike; of its
-best, which differ by less than chance, the first whose 95 % region holds at least `HONEST_PERCENT`.  Estimates
-are kept in data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion.
+best, which differ by less than chance, the first whose 95 % region holds at least `HONEST_PERCENT`.
+Estimates are kept in data/derived/fusion, so a second run takes minutes; grid and choices go to
+data/results/fusion.
 """
 
 from __future__ import annotations
