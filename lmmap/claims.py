@@ -45,7 +45,7 @@ def _modalities(table):
         return cell.loc[(f"{gap}-domain-gap", "with", "position_error_m", "median", light, modality)]
 
     def told(pairs, column):
-        return "; ".join(f"{1e3 * a[column]:.1f} | {1e3 * b[column]:.1f}" for a, b in pairs)
+        return "; ".join(f"{_mm(a[column])} | {_mm(b[column])}" for a, b in pairs)
 
     def row(claim, pairs, holds, why):
         known = np.isfinite([one.printed for pair in pairs for one in pair]).all()
@@ -72,6 +72,10 @@ def _modalities(table):
               sensors["low"], alike, factor)  # fmt: skip
     yield row(f"Events do as well with the high as with the low domain gap ({unit}: high | low)",
               gaps, alike, factor)  # fmt: skip
+
+
+def _mm(value_m: float) -> str:
+    return f"{1e3 * value_m:.1f}" if np.isfinite(value_m) else "none"
 
 
 def _saturation(table, saturation):

@@ -49,6 +49,16 @@ def test_continuous_yaw_undoes_any_choice_of_markers(seed):
     np.testing.assert_array_equal(back.T_cam_port.position_m, original.T_cam_port.position_m)
 
 
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32))
+def test_the_nearest_yaw_is_the_references(seed):
+    truth = track(seed=seed)
+    turns = np.random.default_rng(seed).integers(0, 3, len(truth))
+    back = odometry.nearest_yaw(turned(truth, turns), cut(truth, 3, 90), PORT.yaw_period_rad)
+    np.testing.assert_array_equal(back.t_us, truth.t_us[3:90])
+    np.testing.assert_allclose(back.T_cam_port.rotation, truth.T_cam_port.rotation[3:90], atol=1e-9)
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_continuous_yaw_of_almost_nothing(count):
     few = track(5)
