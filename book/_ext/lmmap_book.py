@@ -29,6 +29,14 @@ def name_cache(app, config) -> None:
     config.nb_execution_cache_path = str(current)
 
 
+def name_build(app) -> None:
+    """Sphinx's note of what made the pages, less the theme's folder: wherever that lies, they are equal."""
+    if app.builder.format == "html":
+        folders, app.config.templates_path = app.config.templates_path, []
+        app.builder.build_info = app.builder.create_build_info()
+        app.config.templates_path = folders
+
+
 def needs_plotly(doctree) -> bool:
     """Whether a page draws an interactive figure."""
     return doctree is not None and "Plotly.newPlot" in "".join(
@@ -106,6 +114,7 @@ def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
+    app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
     app.connect("build-finished", drop_preloads)
