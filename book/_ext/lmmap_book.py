@@ -30,11 +30,14 @@ def name_cache(app, config) -> None:
 
 
 def name_build(app) -> None:
-    """Sphinx's note of what made the pages, less the theme's folder: wherever that lies, they are equal."""
+    """Sphinx's note of what made the pages, less folders of packages: wherever those lie, pages are equal."""
     if app.builder.format == "html":
-        folders, app.config.templates_path = app.config.templates_path, []
+        kept = {name: getattr(app.config, name) for name in ("templates_path", "html_static_path")}
+        for name in kept:
+            setattr(app.config, name, [])
         app.builder.build_info = app.builder.create_build_info()
-        app.config.templates_path = folders
+        for name, folders in kept.items():
+            setattr(app.config, name, folders)
 
 
 def needs_plotly(doctree) -> bool:
