@@ -64,6 +64,16 @@ def errors(T: Pose, truth: Pose) -> tuple[float, float]:
     return np.rad2deg(normal_error_rad(T, truth)), 1e3 * position_error_m(T, truth)
 
 
+def mahalanobis(differences, covariances) -> np.ndarray:
+    """Squared distances (N,) of the truth from poses, `pose_difference` (N, 6) and covariances (N, 6, 6)."""
+    return np.einsum("ni,ni->n", differences, np.linalg.solve(covariances, differences[..., None])[..., 0])
+
+
+def log_scores(nees, covariances) -> np.ndarray:
+    """Logarithmic scores (N,) of the truth at squared distances (N,), but for a constant."""
+    return -(np.minimum(nees, WORST) + np.linalg.slogdet(covariances)[1]) / 2
+
+
 def row(modality, marker_sigma_px, values, differences, covariances) -> dict:
     """A line of the table: errors of all images; of the refined ones how many true poses the 95 % region
     holds, the inflation that makes it 95 %, and the logarithmic score then."""
@@ -71,11 +81,10 @@ def row(modality, marker_sigma_px, values, differences, covariances) -> dict:
     told = {"inside_percent": np.nan, "joint_inflation": np.nan, "score": np.nan, "refined": len(differences)}
     if differences:
         d, C = np.array(differences), np.array(covariances)
-        nees = np.einsum("ni,ni->n", d, np.linalg.solve(C, d[..., None])[..., 0])
+        nees = mahalanobis(d, C)
         factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 6)
-        loss = np.minimum(nees / factor, WORST) + np.linalg.slogdet(factor * C)[1]
         told |= {"inside_percent": 100 * np.mean(nees < chi2.ppf(0.95, 6)), "joint_inflation": factor,
-                 "score": -np.mean(loss) / 2}  # fmt: skip
+                 "score": np.mean(log_scores(nees / factor, factor * C))}  # fmt: skip
     return {"modality": modality, "marker_sigma_px": marker_sigma_px, "normal_deg": deg, "position_mm": mm,
             "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **told}  # fmt: skip
 

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from calibrate_uncertainty import RATE_HZ, SEQUENCES, recording
 from tqdm import tqdm
+from tune_fusion import RIGHT_M, RIGHT_RAD
 
 from lmmap import yaw
 from lmmap.contour import Contour
@@ -28,7 +29,7 @@ from lmmap.results import DATA, save_table
 
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
 MASK_THRESHOLDS, MIN_MARKER_SCORES = (0.2, 0.3, 0.4, 0.5, 0.6), (0.05, 0.075, 0.1, 0.15, 0.2)
-RIGHT_M, RIGHT_NORMAL_RAD, RIGHT_RAD = 0.020, np.deg2rad(5.0), np.deg2rad(10.0)  # one may dock on it
+RIGHT_ROTATION_RAD = np.deg2rad(10.0)
 CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
 NAMES = ("mask_threshold", "min_marker_score")
 
@@ -46,8 +47,8 @@ def shots(estimator: Estimator):
 def right(T: Pose, truth: Pose, port: Port) -> bool:
     return bool(
         position_error_m(T, truth) < RIGHT_M
-        and normal_error_rad(T, truth) < RIGHT_NORMAL_RAD
-        and rotation_error_rad(T, truth, port.yaw_period_rad) < RIGHT_RAD
+        and normal_error_rad(T, truth) < RIGHT_RAD
+        and rotation_error_rad(T, truth, port.yaw_period_rad) < RIGHT_ROTATION_RAD
     )
 
 

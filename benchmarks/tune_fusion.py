@@ -18,6 +18,7 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from calibrate_uncertainty import log_scores, mahalanobis
 from scipy.stats import chi2
 from tqdm import tqdm
 
@@ -42,7 +43,6 @@ CORRELATION_S = (0.0, 0.1, 0.2, 0.4, 0.8)
 LOST_S = (0.2, 0.3, 0.5, 0.8, 1.2)
 RIGHT_M, RIGHT_RAD = 0.020, np.deg2rad(5.0)  # a pose that one may dock on
 HONEST_PERCENT = 90.0  # an arm may rely on it
-WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and how wrong does not matter
 
 
 def measured(name: str):
@@ -78,9 +78,9 @@ def errors(recording, estimates, port: Port) -> pd.DataFrame:
     T = stacked([e.T_cam_port for e in known])
     d = pose_difference(T, truth, port.yaw_period_rad)
     C = np.array([e.covariance for e in known])
-    nees = np.einsum("ni,ni->n", d, np.linalg.solve(C, d[..., None])[..., 0])
-    score = -(np.minimum(nees, WORST) + np.linalg.slogdet(C)[1]) / 2
-    return pd.DataFrame({"nees": nees, "score": score, "in_view": in_view(truth, port, recording.camera),
+    nees = mahalanobis(d, C)
+    return pd.DataFrame({"nees": nees, "score": log_scores(nees, C),
+                         "in_view": in_view(truth, port, recording.camera),
                          "position_error_m": position_error_m(T, truth),
                          "normal_error_rad": normal_error_rad(T, truth)})  # fmt: skip
 
