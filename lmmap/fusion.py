@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .core import Estimate, Pose, Status
-from .geometry import rotation_angle_rad, rotation_z
+from .geometry import equal_turns, rotation_angle_rad
 from .motion import POSE, Motion, Track
 
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
@@ -38,7 +38,7 @@ class Fusion:
 
     def __init__(self, yaw_period_rad: float, motion: Motion | None = None):
         self.motion, self.track = motion or Motion(), None
-        self._turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
+        self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
         self._statuses: dict[str, Status] = {}
 

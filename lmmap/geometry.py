@@ -173,12 +173,16 @@ def rotation_vector(R) -> np.ndarray:
     return sine * (angle / np.maximum(length, 1e-12))[..., None]
 
 
+def equal_turns(yaw_period_rad: float) -> np.ndarray:
+    """Rotations about z that an object which repeats every ``yaw_period_rad`` does not show, (K, 3, 3)."""
+    return rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
+
+
 def rotation_between_rad(R_a, R_b, yaw_period_rad: float) -> np.ndarray:
     """Smallest angle between orientations of an object that repeats every ``yaw_period_rad`` about its
     own z axis, (..., 3, 3) x 2 -> (...)."""
-    turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
     relative = np.swapaxes(R_a, -1, -2) @ R_b
-    return np.min(rotation_angle_rad(relative[..., None, :, :] @ turns), -1)
+    return np.min(rotation_angle_rad(relative[..., None, :, :] @ equal_turns(yaw_period_rad)), -1)
 
 
 def on_plane(points_px, T_cam_port: Pose, height_m: float, camera: Camera) -> np.ndarray:

@@ -20,7 +20,7 @@ from scipy.stats import chi2
 
 from .arm import Along
 from .core import Pose, frozen_array
-from .geometry import rotation_angle_rad, rotation_vector, rotation_z
+from .geometry import equal_turns, rotation_angle_rad, rotation_vector, rotation_z
 
 SIGMA_M, SIGMA_RAD = 0.004, np.deg2rad(2.0)  # of a detection, where it does not say; rescaled by the fit
 FLOOR_M, FLOOR_RAD = 0.0005, np.deg2rad(0.2)  # no detection is known better, whatever its covariance
@@ -131,7 +131,7 @@ def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
     """
     if len(detected) < 2 * BLOCKS:
         raise ValueError(f"{len(detected)} detections while the arm reports, {2 * BLOCKS} are needed")
-    turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
+    turns = equal_turns(yaw_period_rad)
     if covariance is None:
         covariance = np.diag(np.repeat([SIGMA_M**2, SIGMA_RAD**2], 3))[None].repeat(len(detected), 0)
     floor = np.diag(np.repeat([FLOOR_M**2, FLOOR_RAD**2], 3))

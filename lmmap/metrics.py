@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .core import Pose, Trajectory
-from .geometry import rotation_angle_rad, rotation_between_rad, rotation_z
+from .geometry import equal_turns, rotation_angle_rad, rotation_between_rad
 
 
 def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:
@@ -31,8 +31,8 @@ def rotation_error_rad(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np
 def pose_difference(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:
     """From estimates to true poses, modulo the port's symmetry, (N, 6): position in m, and the rotation in
     rad that is to be put on the left of the estimate's, along the camera's axes."""
-    turns = rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
-    left = truth.rotation[:, None] @ turns @ np.swapaxes(estimate.rotation, -1, -2)[:, None]
+    back = np.swapaxes(estimate.rotation, -1, -2)
+    left = truth.rotation[:, None] @ equal_turns(yaw_period_rad) @ back[:, None]
     nearest = np.argmin(rotation_angle_rad(left), 1)
     rotation = Rotation.from_matrix(left[np.arange(len(left)), nearest]).as_rotvec()
     return np.concatenate([truth.position_m - estimate.position_m, rotation.reshape(-1, 3)], -1)

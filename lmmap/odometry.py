@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from .core import Estimate, InputError, Port, Pose, Trajectory
-from .geometry import rotation_angle_rad, rotation_z
+from .geometry import equal_turns, rotation_angle_rad, rotation_z
 from .metrics import relative_errors
 from .results import DATA
 from .tracking import outlier_filter
@@ -50,8 +50,7 @@ def nearest_yaw(trajectory: Trajectory, reference: Trajectory, period_rad: float
     """Poses within a reference's time, yaw's unknown multiple of ``period_rad`` chosen nearest to it."""
     within = (trajectory.t_us >= reference.t_us[0]) & (trajectory.t_us <= reference.t_us[-1])
     T, t_us = trajectory.T_cam_port[within], trajectory.t_us[within]
-    turns = rotation_z(np.arange(round(2 * np.pi / period_rad)) * period_rad)
-    equal = T.rotation[:, None] @ turns
+    equal = T.rotation[:, None] @ equal_turns(period_rad)
     off_rad = rotation_angle_rad(np.swapaxes(reference.at(t_us).rotation, -1, -2)[:, None] @ equal)
     return Trajectory(t_us, Pose(equal[np.arange(len(t_us)), np.argmin(off_rad, 1)], T.position_m))
 
