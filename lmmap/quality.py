@@ -96,7 +96,7 @@ def _seen(recording, modality, port, settings, most) -> list:
 
 def medians(table: pd.DataFrame) -> pd.DataFrame:
     """Medians over images, and the share of images in which nothing was found (percent)."""
-    by = [c for c in ("sequence", "filter", "modality", "domain_gap") if c in table]
+    by = [c for c in ("light", "filter", "modality", "domain_gap") if c in table]
     groups = table.assign(empty_percent=100.0 * (table.mask_px == 0)).groupby(by, sort=False)
     out = groups[["iou", "skeleton_px", "missed"]].median()
     out["empty_percent"], out["images"] = groups.empty_percent.mean(), groups.size()

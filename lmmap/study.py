@@ -14,7 +14,7 @@ from .core import PAPER, Estimate, Port, Recording
 from .filters import shipped_gaps
 from .fusion import fuse
 from .pipeline import Estimator, estimate, in_time
-from .quality import filter_quality
+from .quality import filter_quality, medians
 from .recordings import open_recording, read_estimates
 from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .trajectories import write_estimates
@@ -139,7 +139,7 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
 
 
 def _tabulate(profile: str, folder: Path) -> None:
-    """Tables of the whole profile: cells with intervals, coverage of the covariances, counts, claims."""
+    """Tables of the whole profile: cells with intervals, coverage, counts, filters, claims."""
     cells, covered, counted, facts = [], [], [], {"profile": profile, "seed": SEED}
     for light in LIGHTS:
         names = _tests(profile, light)
@@ -161,8 +161,10 @@ def _tabulate(profile: str, folder: Path) -> None:
                 "poses": sum(e.T_cam_port is not None for e in found),
             })  # fmt: skip
     saturated = pd.concat(_saturated(profile, folder, light) for light in LIGHTS)
-    tables = {"summary": pd.concat(cells), "coverage": pd.DataFrame(covered),
-              "counts": pd.DataFrame(counted), "saturation": saturated}  # fmt: skip
+    fits = pd.concat(pd.read_csv(folder / f"filters-{name}.csv").assign(light=light)
+                     for light in LIGHTS for name in _tests(profile, light))  # fmt: skip
+    tables = {"summary": pd.concat(cells), "coverage": pd.DataFrame(covered), "counts": pd.DataFrame(counted),
+              "saturation": saturated, "filters": medians(fits)}  # fmt: skip
     for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
         for name, table in tables.items():
             save_table(target / f"{name}.csv", table, draws=DRAWS, block_s=BLOCK_S, **facts)

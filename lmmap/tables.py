@@ -64,6 +64,14 @@ def _digits(value: float) -> str:
     return f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
 
+def of_filters(table: pd.DataFrame):
+    """`quality.medians` by light, styled: a row per filter, a column per light of overlap and skeleton."""
+    named = table.rename(columns={"iou": "IoU", "skeleton_px": "skeleton (px)", "domain_gap": "domain gap"})
+    rows = ["domain gap", "filter", "modality"]
+    wide = named.pivot_table(["IoU", "skeleton (px)"], rows, "light", sort=False)
+    return wide.style.format(precision=2, na_rep="none")
+
+
 def small_intervals(table: pd.DataFrame):
     """A table of texts, styled: what each has in brackets in small letters under it."""
     return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))

@@ -52,7 +52,9 @@ def quick(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "DERIVED", tmp_path)
     monkeypatch.setattr(study, "recorded", recorded)
     monkeypatch.setattr(study, "DRAWS", 50)
-    monkeypatch.setattr(study, "filter_quality", lambda recording, gap: pd.DataFrame({"iou": [1.0]}))
+    fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
+                        "skeleton_px": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
+    monkeypatch.setattr(study, "filter_quality", lambda recording, gap: fit.assign(domain_gap=gap))
     return tmp_path / "quick"
 
 
@@ -77,6 +79,8 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert len(counts) == 3 * len(study.sequences_of("quick"))
     assert counts.loc[("empty-0", "fused"), "poses"] == 0 < counts.loc[("hard-slow", "fused"), "poses"]
     assert len(pd.read_csv(quick / "coverage.csv")) == 18
+    fits = pd.read_csv(quick / "filters.csv")
+    assert len(fits) == 3 * len(study.shipped_gaps()) and (fits.iou == 1).all() and (fits.images == 1).all()
     assert pd.read_csv(quick / "claims.csv").verdict.notna().all()
 
     third = Estimates()

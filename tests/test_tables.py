@@ -1,6 +1,7 @@
 """Tables of pages: each number where it belongs, and the same bytes each time."""
 
 import re
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -38,6 +39,17 @@ def test_a_table_says_in_words_what_the_numbers_say(compared):
         assert float(of.paper) == pytest.approx(scale * row.published.item(), rel=0.006)
         assert of.printed == of.paper  # an interval of no width goes without saying
         assert of.fused == of.certain == "none"
+
+
+def test_filters_stand_by_light_each_with_its_own_numbers():
+    of = product(("low", "high"), ("ring", "reflector"), ("rgb", "event"))
+    rows = [(light, f, m, "low", 0.1 * k, 1.0 * k) for k, (light, f, m) in enumerate(of)]
+    table = pd.DataFrame(rows, columns=["light", "filter", "modality", "domain_gap", "iou", "skeleton_px"])
+    wide = tables.of_filters(table).data
+    assert wide.shape == (4, 4)
+    for light, f, m, gap, iou, skeleton_px in rows:
+        assert wide.loc[(gap, f, m), ("IoU", light)] == iou
+        assert wide.loc[(gap, f, m), ("skeleton (px)", light)] == skeleton_px
 
 
 def test_no_name_of_the_code_is_left(compared):
