@@ -20,7 +20,7 @@ unexport JUPYTER_PATH PYTHONPATH
 # Figures go where each cell is; with another backend there would be none.
 unexport MPLBACKEND
 # Of results and pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
-book reproduce serve lab pdf: export LMMAP_PRECISION := float32
+book reproduce evaluate serve lab pdf: export LMMAP_PRECISION := float32
 
 BIN := .venv/bin
 STAMP := .venv/.installed

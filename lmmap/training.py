@@ -35,12 +35,17 @@ from .filters import (
 from .results import commit
 
 STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
-    "ring-rgb": {"high": 2500, "low": 3000, "robust": 1500},
+    "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
     "ring-event": {"high": 3000, "low": 11000, "robust": 1500},
-    "reflector-rgb": {"high": 2500, "low": 3000, "robust": 1500},
+    "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
     "reflector-event": {"high": 4000, "low": 14000, "robust": 1500},
 }
-RESTART = {"ring-event-low": 5000, "reflector-event-low": 8000}  # both still gained when their rate was zero
+RESTART = {  # all still gained when their rate was zero
+    "ring-rgb-low": 3000,
+    "ring-event-low": 5000,
+    "reflector-rgb-low": 3000,
+    "reflector-event-low": 8000,
+}
 CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out images, progress is measured
 MOST_VALIDATED = 128  # images of the last validation, spread evenly
 
