@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
 from skimage.morphology import skeletonize
 
 from . import pipeline, sequences
 from .core import PAPER, Camera, Port, Pose, Recording, Settings
 from .filters import FILTERS, load_filter, weight_path
-from .geometry import in_view
+from .geometry import circle_points_m, in_view, project
 from .shading import ray_grid
 
 COLUMNS = ["t_us", "filter", "modality", "domain_gap", "iou", "skeleton_px", "missed", "mask_px", "truth_px"]
+LINE_POINTS = 2400  # of a middle line: a few to each pixel
 
 
 def iou(mask, truth) -> float:
@@ -22,13 +24,23 @@ def iou(mask, truth) -> float:
     return float((mask & truth).sum() / union) if union else 1.0
 
 
-def skeleton_distance_px(mask, truth) -> float:
-    """Median distance of the mask's skeleton from the nearest pixel of the true one's; NaN if either is
-    empty.  Ellipses are fitted to the skeleton, so this is the error that they see."""
-    found, true = skeletonize(mask), skeletonize(truth)
-    if not found.any() or not true.any():
+def skeleton_distance_px(mask, line_px) -> float:
+    """Median distance of the mask's skeleton from the nearest point of the true middle line (M, 2), such as
+    `middle_lines_px` has; NaN of an empty mask.  Ellipses are fitted to the skeleton: this is the error that
+    they see.  The line is no mask's skeleton, which would be off by half a pixel itself."""
+    rows, columns = np.nonzero(skeletonize(mask))
+    if not len(rows):
         return np.nan
-    return float(np.median(distance_transform_edt(~true)[found]))
+    return float(np.median(cKDTree(line_px).query(np.column_stack([columns, rows]))[0]))
+
+
+def middle_lines_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Dense points (M, 2) on the ring's centre-line, and on the markers' middle lines along the tangent."""
+    corners = port.marker_corners_m()
+    ends = (corners[:, 0] + corners[:, 1]) / 2, (corners[:, 2] + corners[:, 3]) / 2
+    markers = np.linspace(*ends, LINE_POINTS // port.symmetry).reshape(-1, 3)
+    of = (circle_points_m(port.ring_radius_m, LINE_POINTS), markers)
+    return tuple(project(T_cam_port @ points, camera) for points in of)
 
 
 def missed_share(mask, truth, within_px: float = 2.0) -> float:
@@ -66,11 +78,12 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
         for t_us, image in _seen(recording, modality, port, settings, most):
             pose = recording.truth.at(np.array([t_us]))[0]
             truth = sequences.label_masks(pose, port, recording.camera, rays)
-            for name, net, true in zip(FILTERS, filters, truth, strict=True):
+            lines = middle_lines_px(pose, port, recording.camera)
+            for name, net, true, line in zip(FILTERS, filters, truth, lines, strict=True):
                 mask = net(image) > settings.mask_threshold
                 if name == "reflector":  # the pipeline asks it only there
                     mask &= _around(pose, port, recording.camera)
-                fit = iou(mask, true), skeleton_distance_px(mask, true), missed_share(mask, true)
+                fit = iou(mask, true), skeleton_distance_px(mask, line), missed_share(mask, true)
                 rows.append((t_us, name, modality, domain_gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)
 

@@ -4,9 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+import strategies
+from hypothesis import given
 
 from lmmap.filters import CHANNELS, FILTERS
-from lmmap.quality import filter_quality, iou, medians, missed_share, skeleton_distance_px
+from lmmap.geometry import ideal_masks
+from lmmap.quality import filter_quality, iou, medians, middle_lines_px, missed_share, skeleton_distance_px
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -25,10 +28,20 @@ def test_overlap_by_hand_and_its_limits():
     assert iou(empty, empty) == 1
 
 
-@pytest.mark.parametrize("shift", [0, 1, 4])
+@pytest.mark.parametrize("shift", [0, 1, 2.5, 4])
 def test_skeleton_distance_is_the_shift_and_ignores_the_stroke(shift):
-    assert skeleton_distance_px(band(20 + shift), band(20)) == pytest.approx(shift, abs=0.01)
-    assert skeleton_distance_px(band(20 + shift, 5), band(20)) == pytest.approx(shift, abs=0.01)
+    line = np.column_stack([np.arange(0, 60, 0.25), np.full(240, 20 - shift)])
+    assert skeleton_distance_px(band(20), line) == pytest.approx(shift, abs=0.01)
+    assert skeleton_distance_px(band(20, 5), line) == pytest.approx(shift, abs=0.01)
+
+
+@given(strategies.visible_poses(max_tilt_deg=55))
+def test_true_masks_have_their_skeletons_on_the_middle_lines(T):
+    masks = ideal_masks(T, strategies.PORT, strategies.CAMERA) > 0.5
+    ring, markers = middle_lines_px(T, strategies.PORT, strategies.CAMERA)
+    assert skeleton_distance_px(masks[0], ring) < 0.6  # pixels, and a circle's centre-line is not its middle
+    u, v = np.round(markers).astype(int).T
+    assert ideal_masks(T, strategies.PORT, strategies.CAMERA)[1, v, u].mean() > 0.8
 
 
 def test_missed_share_of_half_a_band():
@@ -40,7 +53,7 @@ def test_missed_share_of_half_a_band():
 
 
 def test_empty_masks_have_no_skeleton_distance():
-    assert np.isnan(skeleton_distance_px(np.zeros((40, 60), bool), band(20)))
+    assert np.isnan(skeleton_distance_px(np.zeros((40, 60), bool), np.zeros((1, 2))))
     assert np.isnan(missed_share(band(20), np.zeros((40, 60), bool)))
 
 
