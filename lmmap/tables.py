@@ -64,6 +64,24 @@ def _digits(value: float) -> str:
     return f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
 
+def of_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """Cells of `accuracy.summary` by ``seed``, ``light`` and ``modality`` in words: a row per metric and
+    training, a column per light and camera, a value and in brackets its 95 % interval."""
+    shown = table[(table.variant == "exact") & table.statistic.isin(["median", "in_fov"])]
+    scale = np.where(shown.metric == "position_error_m", 1e3, 1.0)
+    ends = (shown[column] * scale for column in ("value", "low", "high"))
+    named = shown.assign(
+        of=[WORDS[key] for key in zip(shown.metric, shown.statistic, strict=True)],
+        training=[f"seed {seed}" for seed in shown.seed],
+        light=shown.light.map(LIGHTS), camera=shown.modality.map(CAMERAS),
+        text=[_with_interval(*values) for values in zip(*ends, strict=True)],
+    )  # fmt: skip
+    wide = named.pivot(index=["of", "training"], columns=["light", "camera"], values="text")
+    wide = wide.reindex(columns=list(product(LIGHTS.values(), ("frames", "events"))))
+    words = [word for word in WORDS.values() if word in set(named.of)]
+    return wide.reindex(words, level=0).rename_axis(index=(None, None), columns=(None, None))
+
+
 def of_filters(table: pd.DataFrame):
     """`quality.medians` by light, styled: a row per filter, a column per light of overlap and skeleton."""
     named = table.rename(columns={"iou": "IoU", "skeleton_px": "skeleton (px)", "domain_gap": "domain gap"})
