@@ -71,7 +71,8 @@ def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.Da
     return table
 
 
-def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed: int = 0) -> pd.DataFrame:
+def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed: int = 0,
+            rate_hz: float = PAPER.rate_hz) -> pd.DataFrame:  # fmt: skip
     """Median and RMSE of each error and the detection rates, by `VARIANTS`, with and without outlier filter.
 
     Parameters
@@ -80,10 +81,12 @@ def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed:
         `errors` of one sequence, or of several that count as one.
     draws
         Of the bootstrap for the 95 % intervals ``low`` and ``high``; 0 leaves them NaN.
+    rate_hz
+        Of the estimates.
     """
     tables = [tables] if isinstance(tables, pd.DataFrame) else list(tables)
     table = pd.concat(tables, ignore_index=True)
-    block = round(BLOCK_S * PAPER.rate_hz)
+    block = round(BLOCK_S * rate_hz)
     counts = resampling.block_counts([len(t) for t in tables], block, draws, np.random.default_rng(seed))
     once, rows = np.ones((1, len(table)), int), []
 
