@@ -244,7 +244,9 @@ def reproduce(a) -> None:
         field.reproduce(a)
         return
     changed = study.reproduce(a.profile, jobs=a.jobs)
-    if changed and a.profile == "paper":
+    if a.profile == "paper" and (changed or not (study.PUBLISHED / "worst.jpg").exists()):
         from . import gallery  # matplotlib takes a second to import
 
-        gallery.publish(DERIVED / a.profile, study.PUBLISHED, study.labels_of(a.profile), PAPER.rate_hz)
+        empty = [name for name in study.sequences_of(a.profile) if name.startswith("empty")]
+        gallery.publish(DERIVED / a.profile, study.PUBLISHED, study.labels_of(a.profile), PAPER.rate_hz,
+                        empty, sequences.FRAME_HZ)  # fmt: skip

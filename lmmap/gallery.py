@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from . import figures
+from .accuracy import MODALITIES
 from .core import Port
 from .metrics import position_error_m
 from .pipeline import images
@@ -39,13 +40,31 @@ def missed(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) ->
     return every.iloc[np.unique(np.linspace(0, len(every) - 1, min(count, len(every))).astype(int))]
 
 
-def publish(folder: Path, target: Path, labels: dict[str, tuple[str, str]], rate_hz: float) -> None:
-    """Pictures of the worst and of missed answers as JPEG into ``target``, for who has not the recordings."""
-    for name, rows in (("worst", worst(folder, labels)), ("missed", missed(folder, labels))):
+def false_poses(folder: Path, sequences) -> pd.DataFrame:
+    """Every pose in ``sequences``, which show no port: ``sequence, modality, label, t_us``."""
+    rows = [
+        {"sequence": name, "modality": modality, "label": f"{name}-{modality}", "t_us": e.t_us}
+        for name in sequences
+        for modality in MODALITIES
+        for e in read_estimates(folder / f"estimates-{name}-{modality}.csv")
+        if e.T_cam_port is not None
+    ]
+    return pd.DataFrame(rows, columns=["sequence", "modality", "label", "t_us"])
+
+
+def publish(folder: Path, target: Path, labels: dict[str, tuple[str, str]], rate_hz: float, empty,
+            empty_hz: float) -> None:  # fmt: skip
+    """Pictures of the worst, of missed and of false answers as JPEG into ``target``, for who has not the
+    recordings; false ones are those in the sequences ``empty``."""
+    for name, rows, hz in (
+        ("worst", worst(folder, labels), rate_hz),
+        ("missed", missed(folder, labels), rate_hz),
+        ("false", false_poses(folder, empty), empty_hz),
+    ):
         path = target / f"{name}.jpg"
         path.unlink(missing_ok=True)
         if len(rows):
-            fig = draw(rows, folder, rate_hz)
+            fig = draw(rows, folder, hz)
             fig.savefig(path, dpi=110, facecolor="white")
             plt.close(fig)
 

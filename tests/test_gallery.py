@@ -44,3 +44,25 @@ def test_worst_come_first_and_misses_are_spread(tmp_path):
     titles = [ax.get_title() for ax in fig.axes if ax.images]
     assert len(titles) == 5 and sum("no ring" in title for title in titles) == 2
     assert len(read_estimates(folder / "estimates-mini-rgb.csv")) > 5
+
+
+def test_false_poses_are_all_poses_where_there_is_no_port(tmp_path):
+    folder = folder_of(tmp_path)
+    false = gallery.false_poses(folder, ["mini"])
+    poses = sum(
+        e.T_cam_port is not None for m in LABELS for e in read_estimates(folder / f"estimates-{m}.csv")
+    )
+    assert len(false) == poses > 0 and set(false.label) == set(LABELS)
+
+
+def test_pictures_are_published_only_of_what_there_is(tmp_path):
+    folder, target = folder_of(tmp_path), tmp_path / "out"
+    target.mkdir()
+    (target / "missed.jpg").write_text("of an earlier run")
+    full = pd.read_csv(folder / "errors-mini-rgb.csv").assign(position_error_m=0.001)
+    for label in LABELS:
+        full.to_csv(folder / f"errors-{label}.csv", index=False)
+    gallery.publish(folder, target, {"mini-rgb": LABELS["mini-rgb"]}, 5.0, [], 5.0)
+    assert [path.name for path in target.iterdir()] == ["worst.jpg"]
+    gallery.publish(folder, target, {"mini-rgb": LABELS["mini-rgb"]}, 5.0, ["mini"], 5.0)
+    assert sorted(path.name for path in target.iterdir()) == ["false.jpg", "worst.jpg"]
