@@ -9,6 +9,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from .results import DATA
+
 STATISTICS = ("median", "in_fov", "rmse", "all")
 WORDS = {  # what a table calls a metric and its statistic
     ("position_error_m", "median"): "position (mm)",
@@ -80,6 +82,22 @@ def of_seeds(table: pd.DataFrame) -> pd.DataFrame:
     wide = wide.reindex(columns=list(product(LIGHTS.values(), ("frames", "events"))))
     words = [word for word in WORDS.values() if word in set(named.of)]
     return wide.reindex(words, level=0).rename_axis(index=(None, None), columns=(None, None))
+
+
+def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
+    """Success in percent, styled: of ``counts`` by sequence and modality, for the titles of ``cases``."""
+    paper = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
+    rows = []
+    for (name, modality), c in counts[counts.index.isin(cases, level=0)].iterrows():
+        published = paper[(paper.condition == cases[name]) & paper.quantity.str.endswith(modality)].value
+        rows.append({
+            "case": cases[name], "camera": CAMERAS[modality],
+            "ellipse, paper (%)": float(published.item()) if len(published) else np.nan,
+            "ellipse, ours (%)": 100 * c.ellipses / c.images if modality != "fused" else np.nan,
+            "pose, ours (%)": 100 * c.poses / c.images, "our images": c.images,
+        })  # fmt: skip
+    table = pd.DataFrame(rows).set_index(["case", "camera"]).rename_axis(index=(None, None))
+    return table.style.format(precision=1, na_rep="–")
 
 
 def of_filters(table: pd.DataFrame):
