@@ -39,7 +39,7 @@ SECONDS, RATE_HZ = 8.0, 10.0
 MODALITIES = ("rgb", "event")
 SILENT_S = {"rgb": (2.0, 4.0), "event": (3.5, 5.5)}  # both for half a second
 ACCELERATION_M, ACCELERATION_RAD = (0.01, 0.02, 0.04, 0.08), (0.05, 0.1, 0.2, 0.4)
-CORRELATION_S = (0.0, 0.1, 0.2, 0.4, 0.8)
+CORRELATION_S = (0.0, 0.05, 0.1, 0.2, 0.4)
 LOST_S = (0.2, 0.3, 0.5, 0.8, 1.2)
 RIGHT_M, RIGHT_RAD = 0.020, np.deg2rad(5.0)  # a pose that one may dock on
 HONEST_PERCENT = 90.0  # an arm may rely on it
@@ -49,7 +49,7 @@ def measured(name: str):
     """The recording of a sequence and its estimates by modality; made once for each state of the filters."""
     folder = DERIVED / "fusion"
     folder.mkdir(parents=True, exist_ok=True)
-    path, mark = folder / f"{name}.npz", fingerprint(patterns=("data/weights/*",))[:8]
+    path, mark = folder / f"{name}.npz", fingerprint(patterns=("data/weights/*-low.*",))[:8]
     if not path.exists():
         write_npz(sequences.simulate(name, SECONDS), path)
     recording, found = open_recording(path), {}
