@@ -36,9 +36,9 @@ from .results import commit
 
 STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
     "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "ring-event": {"high": 3000, "low": 11000, "robust": 1500},
+    "ring-event": {"high": 3000, "low": 11000, "robust": 4000},
     "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "reflector-event": {"high": 4000, "low": 14000, "robust": 1500},
+    "reflector-event": {"high": 4000, "low": 14000, "robust": 4000},
 }
 RESTART = {  # all still gained when their rate was zero
     "ring-rgb-low": 3000,
