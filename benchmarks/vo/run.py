@@ -32,8 +32,8 @@ TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far 
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
 RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py"}
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
-ESTIMATING = ("core", "geometry", "conics", "events", "ellipse", "circle", "yaw", "tracking", "filters",
-              "pipeline", "odometry")  # fmt: skip
+ESTIMATING = ("core", "geometry", "conics", "events", "ellipse", "contour", "circle", "uncertainty", "yaw",
+              "joint", "tracking", "filters", "pipeline", "odometry")  # fmt: skip
 
 
 def say(line: str) -> None:
@@ -52,7 +52,7 @@ def kept(path: Path, mark: str, make) -> bool:
 
 
 def prepare(name: str, seconds: float, folder: Path) -> str:
-    """Simulate and export a sequence; returns a hash of the recording and of the images."""
+    """Simulate and export a sequence; returns a hash of its images, whatever made them."""
     mark = fingerprint(name, str(seconds), patterns=study.BENCH)
     path = folder / f"{name}.npz"
     say(f"{name}: {seconds:.0f} s")
@@ -60,7 +60,7 @@ def prepare(name: str, seconds: float, folder: Path) -> str:
     exported = mark + fingerprint(patterns=("lmmap/vo.py",))
     kept(folder / name, exported, lambda: vo.export(open_recording(path), folder / name, bag=False))
     images = f"{(folder / name).relative_to(ROOT)}/*"
-    return fingerprint(mark, patterns=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
+    return fingerprint(patterns=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
 
 
 def run(
