@@ -15,16 +15,11 @@ import torch
 from lmmap.core import PAPER
 from lmmap.filters import FILTERS, PRECISIONS, best_precision
 from lmmap.pipeline import Estimator, images, markers_box_px
+from lmmap.quality import iou
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
 ROUNDS = 21
-
-
-def overlap(a, b):
-    """Intersection over union of two binary masks."""
-    a, b = a > PAPER.mask_threshold, b > PAPER.mask_threshold
-    return (a & b).sum() / max((a | b).sum(), 1)
 
 
 def main():
@@ -55,7 +50,8 @@ def main():
         ms = {name: 1e3 * np.median(s) for name, s in seconds.items()}
         for precision, (ring, reflectors) in masks.items():
             off = max(np.abs(peers[0] - ring).max(), np.abs((peers[1] - reflectors)[inside]).max())
-            same = overlap(peers[0], ring), overlap(peers[1][inside], reflectors[inside])
+            pairs = (peers[0], ring), (peers[1][inside], reflectors[inside])
+            same = [iou(a > PAPER.mask_threshold, b > PAPER.mask_threshold) for a, b in pairs]
             print(
                 f"{modality:6} {' and '.join(FILTERS)}: plain {ms['plain']:.0f} ms, {precision} "
                 f"{ms[precision]:.0f} ms, {ms['plain'] / ms[precision]:.2f}x; masks differ by {off:.1e} "

@@ -22,6 +22,7 @@ import pandas as pd
 from lmmap import laboratory, results, scene, sequences, shading
 from lmmap.core import Camera, Port
 from lmmap.geometry import in_view
+from lmmap.quality import iou
 
 mi = peer.mi
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
@@ -77,7 +78,7 @@ def equal_light() -> pd.DataFrame:
             theirs = peer.render(solid, skin, peer.points(lamps, T), T, CAMERA)
             seen = peer.surfaces(solid, skin, T, CAMERA)
             median, p95 = peer.disagreement(mine, theirs, seen)
-            ring, marker = (peer.overlap(cover[..., i] > 0.5, seen == n)
+            ring, marker = (iou(cover[..., i] > 0.5, seen == n)
                             for i, n in enumerate((scene.RING, scene.MARKER)))  # fmt: skip
             rows.append(("same rays", light, t_s, 100 * median, 100 * p95, ring, marker))
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -254,8 +254,3 @@ def disagreement(ours, theirs, seen) -> tuple[float, float]:
     lit = (b > 0) & (seen > 0) & ~edge
     median, p95 = np.percentile(np.abs(a[lit] - b[lit]) / b[lit], [50, 95])
     return float(median), float(p95)
-
-
-def overlap(a, b) -> float:
-    """Intersection over union of two masks, 1 if both are empty."""
-    return float((a & b).sum() / max((a | b).sum(), 1)) if np.any(a | b) else 1.0

@@ -97,7 +97,7 @@ def step_through(steps: list[Step], prefix: str, start: int = 0):
         for k, step in enumerate(steps)
     ]  # fmt: skip
     fig.update_layout(height=520, title={"text": steps[start].title, "font": {"size": 14}},
-                      margin={"l": 45, "r": 5, "t": 75, "b": 110},
+                      margin={"l": 45, "r": 30, "t": 75, "b": 110},  # right: half of the last label
                       legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"},
                       sliders=[{"currentvalue": {"prefix": prefix}, "active": start, "steps": buttons,
                                 "pad": {"t": 45}}])  # fmt: skip

@@ -7,6 +7,7 @@ from strategies import PORT, pose
 
 from lmmap import laboratory, materials, scene, shading
 from lmmap.core import Camera
+from lmmap.quality import iou
 
 SMALL = Camera(116, 88, 108.0, 108.0, 57.5, 43.5)
 POSES = {"frontal": ((60, 40), 0.45, 0.0), "tilted": ((50, 45), 0.6, 0.8, 1.0, 0.7)}
@@ -33,7 +34,7 @@ def test_same_light_and_same_masks(name, where, monkeypatch):
     assert median < 0.03 and p95 < 0.15
     for i, surface in enumerate((scene.RING, scene.MARKER)):
         assert np.any(seen == surface)
-        assert peer.overlap(cover[..., i] > 0.5, seen == surface) > 0.98
+        assert iou(cover[..., i] > 0.5, seen == surface) > 0.98
 
 
 def test_port_alone_agrees_to_a_thousandth(monkeypatch):
