@@ -74,17 +74,24 @@ def log_scores(nees, covariances) -> np.ndarray:
     return -(np.minimum(nees, WORST) + np.linalg.slogdet(covariances)[1]) / 2
 
 
-def row(modality, marker_sigma_px, values, differences, covariances) -> dict:
-    """A line of the table: errors of all images; of the refined ones how many true poses the 95 % region
-    holds, the inflation that makes it 95 %, and the logarithmic score then."""
+def inflated(differences, covariances) -> dict:
+    """Of refined poses how many true ones the 95 % region holds, the inflation that makes it 95 %, and the
+    logarithmic score then."""
+    nees = mahalanobis(differences, covariances)
+    factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 6)
+    return {"inside_percent": 100 * np.mean(nees < chi2.ppf(0.95, 6)), "joint_inflation": factor,
+            "score": np.mean(log_scores(nees / factor, factor * covariances))}  # fmt: skip
+
+
+def row(modality, marker_sigma_px, values, differences, covariances, marker_scores) -> dict:
+    """A line of the table: errors of all images; `inflated` of the refined ones with covariances that grow
+    where markers are faint, and the score of those that do not."""
     (deg, mm), (rms_deg, rms_mm) = np.median(values, 0), np.sqrt(np.mean(np.square(values), 0))
-    told = {"inside_percent": np.nan, "joint_inflation": np.nan, "score": np.nan, "refined": len(differences)}
+    names = ("inside_percent", "joint_inflation", "score", "score_constant")
+    told = dict.fromkeys(names, np.nan) | {"refined": len(differences)}
     if differences:
         d, C = np.array(differences), np.array(covariances)
-        nees = mahalanobis(d, C)
-        factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 6)
-        told |= {"inside_percent": 100 * np.mean(nees < chi2.ppf(0.95, 6)), "joint_inflation": factor,
-                 "score": np.mean(log_scores(nees / factor, factor * C))}  # fmt: skip
+        told |= inflated(d, joint.honest(C, marker_scores)) | {"score_constant": inflated(d, C)["score"]}
     return {"modality": modality, "marker_sigma_px": marker_sigma_px, "normal_deg": deg, "position_mm": mm,
             "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **told}  # fmt: skip
 
@@ -104,9 +111,9 @@ def calibrate(modality: str) -> pd.DataFrame:
             turned = difference(T, truth, port)[3:] @ T.normal
             yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
     inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
-    rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [], [])]
+    rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [], [], [])]
     for sigma_px in MARKER_SIGMAS_PX:
-        differences, covariances, after = [], [], []
+        differences, covariances, faintness, after = [], [], [], []
         for ring, reflectors, fit, truth in cases:
             found = joint.refine(fit.T_cam_port, ring.points_px, reflectors, port, camera,
                                  ring.sigma_px * np.sqrt(inflation), sigma_px)  # fmt: skip
@@ -115,7 +122,8 @@ def calibrate(modality: str) -> pd.DataFrame:
             if found:
                 differences.append(difference(T, truth, port))
                 covariances.append(found.covariance)
-        rows.append(row(modality, sigma_px, after, differences, covariances))
+                faintness.append(fit.score)
+        rows.append(row(modality, sigma_px, after, differences, covariances, faintness))
     return pd.DataFrame(rows).assign(
         images=len(cases), normal_right_percent=100 * np.mean(right), inflation=inflation,
         inflation_by_median=np.median(ring_nees) / chi2.ppf(0.5, 5),

@@ -18,10 +18,10 @@ from .core import Camera, Port, Pose, frozen_array
 from .geometry import circle_conic, project
 
 # Standard deviation of an edge point as if points were independent: neighbours err alike, so it is larger
-# than their scatter; and the factor that makes the covariance honest, for masks err in more than that.
-# By `python benchmarks/calibrate_uncertainty.py`, on sequences that neither train nor test.
+# than their scatter; and the factor that makes the covariance honest where the markers' score is 1, for masks
+# err in more than that.  By `python benchmarks/calibrate_uncertainty.py`, outside training and test.
 MARKER_SIGMA_PX = {"rgb": 1.4, "event": 1.7}
-INFLATION = {"rgb": 1.34, "event": 1.54}
+INFLATION = {"rgb": 0.73, "event": 0.63}
 
 SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
@@ -91,6 +91,12 @@ def refine(
     )
     sane = np.all(np.isfinite(T.position_m)) and T.normal @ T_cam_port.normal > 0.9
     return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
+
+
+def honest(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
+    """The covariance (..., 6, 6) of errors on masks: ``inflation`` where the markers' score (...) is 1, and
+    larger where they are faint, a standard deviation being as 1 / score."""
+    return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
 
 
 def _moved(T: Pose, steps) -> Pose:

@@ -99,7 +99,7 @@ class Estimator:
             both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
                                 marker_sigma_px)  # fmt: skip
             if both is not None:
-                covariance = both.covariance * joint.INFLATION[self.modality]
+                covariance = joint.honest(both.covariance, best.score, joint.INFLATION[self.modality])
                 return both.T_cam_port, covariance, known.tilt_sigmas
         return best.T_cam_port, known.covariance, known.tilt_sigmas
 

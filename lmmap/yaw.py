@@ -16,7 +16,7 @@ from .core import PAPER, Camera, Port, Pose, Settings, frozen_array
 from .geometry import project, rotation_z
 
 # by `python benchmarks/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
-YAW_INFLATION = 1.43
+YAW_INFLATION = 0.78
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,13 @@ def fast_yaw(
     correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
     yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
-    sigma_rad = np.minimum(YAW_INFLATION * sigma_rad, port.yaw_period_rad / np.sqrt(12))  # at most: unknown
     poses = _turned(T_cam_port, yaw_rad)
 
     outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
     mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
-    return _fit(poses, mean * np.sqrt(area), mean, sigma_rad)
+    sigma_rad = YAW_INFLATION * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
+    unknown_rad = port.yaw_period_rad / np.sqrt(12)
+    return _fit(poses, mean * np.sqrt(area), mean, np.minimum(sigma_rad, unknown_rad))
 
 
 def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:

@@ -127,7 +127,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
     modules = [f"lmmap/{module}.py" for module in ESTIMATING]
-    kept(path, mark + fingerprint(patterns=(*modules, "data/weights/*")), make)
+    kept(path, mark + fingerprint(patterns=(*modules, "data/weights/*-low.*")), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
