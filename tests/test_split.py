@@ -61,7 +61,7 @@ def test_training_and_test_move_differently():
 
 
 def test_the_constants_are_the_scripts_choice():
-    """The committed grid's best score, and the committed choices, are what the module holds."""
+    """The committed grid's row by the rule, and the committed choices, are what the module holds."""
     grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
     best = tune_fusion.choice(grid)
     assert asdict(Motion()) == pytest.approx(choices["motion"])
@@ -70,6 +70,14 @@ def test_the_constants_are_the_scripts_choice():
     assert choices["max_position_sigma_m"] == tracking.MAX_POSITION_SIGMA_M
     assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(tracking.MAX_NORMAL_SIGMA_RAD)
     assert Path(FUSION / "grid.provenance.json").exists()
+
+
+def test_of_settings_as_good_as_the_best_the_most_honest_is_chosen():
+    scores = pd.DataFrame([[3.0, 1.0, 2.0], [2.9, 1.1, 1.9], [2.0, 0.1, 1.1]])  # a row per setting
+    grid = tune_fusion.behind(scores).assign(inside_95_percent=[80.0, 93.0, 95.0])
+    assert grid.behind.tolist() == pytest.approx([0, 0.1 / 3, 2.8 / 3])
+    assert grid.chance.tolist() == pytest.approx([0, 0.2 / 3, 0.1 / 3])
+    assert tune_fusion.choice(grid).inside_95_percent == 93
 
 
 def test_the_thresholds_are_the_scripts_choice():
