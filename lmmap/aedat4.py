@@ -73,6 +73,8 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
         raise ValueError(f"unknown compression {compression}")
     if end > length:
         raise ValueError(f"truncated: {length} bytes of more than {end}")
+    if end >= 0 and not _whole_table(path, end, compression):
+        raise ValueError("truncated in its table of packets")
     streams = {}
     for stream in ElementTree.fromstring(node.tobytes()).iter("node"):
         values = {a.get("key"): a.text for a in stream.findall("attr")}
@@ -81,6 +83,18 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
             size_px = int(inner.get("sizeX", 0)), int(inner.get("sizeY", 0))
             streams[int(stream.get("name"))] = values["typeIdentifier"], size_px
     return compression, end, streams
+
+
+def _whole_table(path: Path, at: int, compression: int) -> bool:
+    """Whether the file ends with the table of packets: a size-prefixed flatbuffer, compressed."""
+    with path.open("rb") as file:
+        file.seek(at)
+        data = file.read()
+    try:
+        table = _decompressed(data, compression)
+        return len(table) == 4 + _unpack("<I", table[:4])[0]
+    except (ValueError, RuntimeError, zstd.ZstdError):
+        return False
 
 
 def _packets(path: Path, end: int, streams) -> Iterator[tuple[int, int, int]]:

@@ -207,6 +207,14 @@ def test_every_truncation_is_named(files, tmp_path_factory, data, suffix):
     one_line(path)
 
 
+def test_truncation_in_the_last_bytes_is_named(files, tmp_path, suffix):
+    """Where indexes and tables lie, of which a random cut rarely takes a part."""
+    whole = files[suffix].read_bytes()
+    for cut in range(1, min(200, len(whole))):
+        (tmp_path / f"cut{suffix}").write_bytes(whole[:-cut])
+        one_line(tmp_path / f"cut{suffix}")
+
+
 @settings(max_examples=200, deadline=None)
 @given(st.data(), st.sampled_from(sorted(WRITERS)))
 def test_damaged_bytes_give_an_error_or_a_checked_recording(files, tmp_path_factory, data, suffix):
