@@ -162,9 +162,9 @@ def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz)
     """Percent of the port's region of interest that is black (``low``) and white (``high``), by frame at a
     rate: ``t_us, low, high``."""
     rows, every = [], max(round(sequences.FRAME_HZ / rate_hz), 1)
-    frames = zip(recording.frames_t_us[::every].tolist(), recording.frames[::every], strict=True)
-    for t_us, frame in frames:
-        pose = recording.truth.at(np.array([t_us]))[0]
+    times_us = recording.frames_t_us[::every]
+    frames = zip(times_us.tolist(), recording.truth.at(times_us), recording.frames[::every], strict=True)
+    for t_us, pose, frame in frames:
         region = sequences.label_masks(pose, port, recording.camera).any(0)
         if region.any():
             rows.append((t_us, *photometry.saturation(frame, region)))

@@ -75,8 +75,7 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
     rays = ray_grid(recording.camera, 4)
     for modality in modalities:
         filters = [load_filter(weight_path(f, modality, domain_gap), modality, precision) for f in FILTERS]
-        for t_us, image in _seen(recording, modality, port, settings, most):
-            pose = recording.truth.at(np.array([t_us]))[0]
+        for t_us, image, pose in _seen(recording, modality, port, settings, most):
             truth = sequences.label_masks(pose, port, recording.camera, rays)
             lines = middle_lines_px(pose, port, recording.camera)
             for name, net, true, line in zip(FILTERS, filters, truth, lines, strict=True):
@@ -96,15 +95,15 @@ def _around(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
 
 
 def _seen(recording, modality, port, settings, most) -> list:
-    """Images in which the whole ring is in view."""
-    span_us, some = recording.truth.t_us, []
-    for t_us, image in pipeline.images(recording, modality, settings):
-        if span_us[0] <= t_us <= span_us[-1]:
-            pose = recording.truth.at(np.array([t_us]))
-            if in_view(pose, port, recording.camera)[0]:
-                some.append((t_us, image))
-    pick = np.unique(np.linspace(0, len(some) - 1, min(most, len(some))).astype(int))
-    return [some[i] for i in pick]
+    """``(t_us, image, true pose)`` of images in which the whole ring is in view."""
+    times_us = np.array([t_us for t_us, _ in pipeline.images(recording, modality, settings)], np.int64)
+    times_us = times_us[(times_us >= recording.truth.t_us[0]) & (times_us <= recording.truth.t_us[-1])]
+    poses = recording.truth.at(times_us)
+    among = np.flatnonzero(in_view(poses, port, recording.camera))
+    pick = among[np.unique(np.linspace(0, len(among) - 1, min(most, len(among))).astype(int))]
+    wanted = {int(times_us[k]): poses[k] for k in pick}
+    shots = pipeline.images(recording, modality, settings)
+    return [(t_us, image, wanted[t_us]) for t_us, image in shots if t_us in wanted]
 
 
 def medians(table: pd.DataFrame) -> pd.DataFrame:
