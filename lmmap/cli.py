@@ -140,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
     sub.add_argument("--start-from", choices=DOMAIN_GAPS,
                      help="weights to go on from (default: low for robust, else none)")  # fmt: skip
-    sub.add_argument("--restart", type=int, help="step at which the learning rate starts anew")
+    sub.add_argument("--restart", type=int, nargs="+", help="steps at which the learning rate starts anew")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")

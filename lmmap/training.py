@@ -11,6 +11,7 @@ import json
 import os
 import time
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -36,15 +37,15 @@ from .results import commit
 
 STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
     "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "ring-event": {"high": 3000, "low": 11000, "robust": 4000},
+    "ring-event": {"high": 3000, "low": 19000, "robust": 4000},
     "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "reflector-event": {"high": 4000, "low": 14000, "robust": 4000},
+    "reflector-event": {"high": 4000, "low": 22000, "robust": 4000},
 }
 RESTART = {  # all still gained when their rate was zero
-    "ring-rgb-low": 3000,
-    "ring-event-low": 5000,
-    "reflector-rgb-low": 3000,
-    "reflector-event-low": 8000,
+    "ring-rgb-low": (3000,),
+    "ring-event-low": (5000, 11000),
+    "reflector-rgb-low": (3000,),
+    "reflector-event-low": (8000, 14000),
 }
 CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out images, progress is measured
 MOST_VALIDATED = 128  # images of the last validation, spread evenly
@@ -66,7 +67,7 @@ class Recipe:
     warm_up: int = 100
     start_from: str = ""  # a domain gap, whose weights are the first ones
     data: str = ""  # a folder of recordings instead of the bench, by its name
-    restart: int = 0  # the step, if any, at which the rate rises to its first value and falls once more
+    restart: tuple[int, ...] = ()  # steps at which the rate rises to its first value and falls once more
 
     def __post_init__(self):
         named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
@@ -75,15 +76,18 @@ class Recipe:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
         if self.steps < 1 or self.batch < 1:
             raise InputError(f"--steps {self.steps}: a training has at least 1 step")
-        if not 0 <= self.restart < self.steps:
-            raise InputError(f"--restart {self.restart}: give a step from 0 to {self.steps - 1}")
+        object.__setattr__(self, "restart", tuple(self.restart))  # JSON has lists
+        ends = (0, *self.restart, self.steps)
+        if any(a >= b for a, b in pairwise(ends)):
+            given = " ".join(map(str, self.restart))
+            raise InputError(f"--restart {given}: give rising steps from 1 to {self.steps - 1}")
 
     @classmethod
     def shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
         """Of the weights that ship: the robust ones go on from the low domain gap's."""
         first = "low" if domain_gap == "robust" else ""
         steps = STEPS[f"{name}-{modality}"][domain_gap]
-        restart = 0 if "steps" in changes else RESTART.get(f"{name}-{modality}-{domain_gap}", 0)
+        restart = () if "steps" in changes else RESTART.get(f"{name}-{modality}-{domain_gap}", ())
         own = cls(name, modality, domain_gap, steps=steps, start_from=first, restart=restart)
         return replace(own, **changes)
 
@@ -94,8 +98,14 @@ class Recipe:
 
     def phase(self, step: int) -> float:
         """Of the cosine along which the rate falls, in [0, 1)."""
-        first, last = (self.restart, self.steps) if step >= self.restart else (0, self.restart)
+        ends = (0, *self.restart, self.steps)
+        first, last = next((a, b) for a, b in pairwise(ends) if step < b)
         return (step - first) / (last - first)
+
+    @property
+    def begun(self) -> list[Recipe]:
+        """Recipes that this one goes on from: itself until each of its restarts."""
+        return [replace(self, steps=step, restart=self.restart[:k]) for k, step in enumerate(self.restart)]
 
     @property
     def command(self) -> str:
@@ -108,7 +118,7 @@ class Recipe:
             for flag, value in (
                 ("start-from", self.start_from),
                 ("data", self.data),
-                ("restart", self.restart),
+                ("restart", " ".join(map(str, self.restart))),
             )
             if value
         )
@@ -256,7 +266,7 @@ def _checkpoint(path, net, adam, recipe, step, curve) -> None:
 
 
 def _resume(path, net, adam, recipe) -> tuple[int, list]:
-    """Put a checkpoint of the same recipe, or of the same until its restart, into net and optimiser; the next
+    """Put a checkpoint of the same recipe, or of the same until a restart, into net and optimiser; the next
     step, and the curve so far."""
     if not path.exists():
         return 0, []
@@ -266,8 +276,7 @@ def _resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    until_restart = replace(recipe, steps=recipe.restart or recipe.steps, restart=0)
-    if Recipe(**json.loads(facts["recipe"])) not in (recipe, until_restart):
+    if Recipe(**json.loads(facts["recipe"])) not in (recipe, *recipe.begun):
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()
