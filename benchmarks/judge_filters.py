@@ -29,7 +29,7 @@ def judged(name: str, mark: str) -> pd.DataFrame:
     path = FOLDER / f"{name}-{mark}.csv"
     if not path.exists():
         recording = study.recorded(name, sequences.SECONDS["paper"]["test"], DERIVED / "paper", say)
-        table = pd.concat([filter_quality(recording, g, precision="float32") for g in shipped_gaps()])
+        table = filter_quality(recording, shipped_gaps(), precision="float32")
         FOLDER.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False)
         say(f"{name}: done")

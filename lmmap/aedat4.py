@@ -38,6 +38,8 @@ def read(path: Path) -> Source:
     """
     with _naming(path):
         compression, end, streams = _header(path)
+        if end >= 0 and not _whole_table(path, end, compression):
+            raise ValueError("truncated in its table of packets")
         kinds = {kind: (k, size_px) for k, (kind, size_px) in reversed(streams.items())}
         found = {kind: kinds[kind] for kind in ("EVTS", "FRME") if kind in kinds}
         sizes = {size_px for _, size_px in found.values()}
@@ -73,8 +75,6 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
         raise ValueError(f"unknown compression {compression}")
     if end > length:
         raise ValueError(f"truncated: {length} bytes of more than {end}")
-    if end >= 0 and not _whole_table(path, end, compression):
-        raise ValueError("truncated in its table of packets")
     streams = {}
     for stream in ElementTree.fromstring(node.tobytes()).iter("node"):
         values = {a.get("key"): a.text for a in stream.findall("attr")}

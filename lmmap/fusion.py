@@ -119,11 +119,10 @@ class Fusion:
         return np.concatenate([measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()])
 
     def _repetition(self, track: Track, camera: str, t_us: int) -> float:
-        """(1 + rho) / (1 - rho) = coth(dt / 2 correlation_s); 1 for a camera's first estimate."""
-        if camera not in track.seen_us or not self.motion.correlation_s:
+        """1 for a camera's first estimate."""
+        if camera not in track.seen_us:
             return 1.0
-        dt = (t_us - track.seen_us[camera]) * 1e-6
-        return float(1 / np.tanh(max(dt, 1e-6) / (2 * self.motion.correlation_s)))
+        return self.motion.repetition(1e-6 * (t_us - track.seen_us[camera]))
 
 
 def fuse(

@@ -33,6 +33,11 @@ class Motion:
     gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)
     lost_s: float = 1.2  # without an accepted estimate: the next one starts anew
 
+    def repetition(self, dt_s: float) -> float:
+        """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:
+        (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s) times itself."""
+        return float(1 / np.tanh(max(dt_s, 1e-6) / (2 * self.correlation_s))) if self.correlation_s else 1.0
+
 
 @dataclass(frozen=True)
 class Track:

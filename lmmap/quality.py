@@ -52,10 +52,10 @@ def missed_share(mask, truth, within_px: float = 2.0) -> float:
     return float((away_px[true] > within_px).mean())
 
 
-def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("rgb", "event"),
+def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb", "event"),
                    most: int = 30, port: Port | None = None, settings: Settings = PAPER,
                    precision: str = "auto") -> pd.DataFrame:  # fmt: skip
-    """Every filter of one set on a recording whose truth is known, on images with the ring in view; the
+    """Every filter of some sets on a recording whose truth is known, on images with the ring in view; the
     reflectors' where the pipeline asks it, in the box that the (here: true) pose's markers can be in.
 
     Parameters
@@ -74,16 +74,17 @@ def filter_quality(recording: Recording, domain_gap: str = "low", modalities=("r
     port, rows = port or Port.lm_map(), []
     rays = ray_grid(recording.camera, 4)
     for modality in modalities:
-        filters = [load_filter(weight_path(f, modality, domain_gap), modality, precision) for f in FILTERS]
+        nets = {(gap, name): load_filter(weight_path(name, modality, gap), modality, precision)
+                for gap in domain_gaps for name in FILTERS}  # fmt: skip
         for t_us, image, pose in _seen(recording, modality, port, settings, most):
-            truth = sequences.label_masks(pose, port, recording.camera, rays)
-            lines = middle_lines_px(pose, port, recording.camera)
-            for name, net, true, line in zip(FILTERS, filters, truth, lines, strict=True):
-                mask = net(image) > settings.mask_threshold
+            truth = dict(zip(FILTERS, sequences.label_masks(pose, port, recording.camera, rays), strict=True))
+            lines = dict(zip(FILTERS, middle_lines_px(pose, port, recording.camera), strict=True))
+            for (gap, name), net in nets.items():
+                mask, true = net(image) > settings.mask_threshold, truth[name]
                 if name == "reflector":  # the pipeline asks it only there
                     mask &= _around(pose, port, recording.camera)
-                fit = iou(mask, true), skeleton_distance_px(mask, line), missed_share(mask, true)
-                rows.append((t_us, name, modality, domain_gap, *fit, mask.sum(), true.sum()))
+                fit = iou(mask, true), skeleton_distance_px(mask, lines[name]), missed_share(mask, true)
+                rows.append((t_us, name, modality, gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -104,7 +104,7 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
                 table = errors(recording, some, port)
                 save_table(folder / f"errors-{label(name, modality, gap)}.csv", table, **facts)
     if kind == "test":
-        fits = pd.concat([filter_quality(recording, gap) for gap in shipped_gaps()])
+        fits = filter_quality(recording, shipped_gaps())
         save_table(folder / f"filters-{name}.csv", fits, **facts)
     if recording.truth is not None:
         shares_percent = saturation(recording, port)

@@ -31,6 +31,7 @@ ESTIMATORS = {
 }
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
+CELL, INTERVAL = ["metric", "statistic", "light", "modality"], ("value", "low", "high")
 ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers"}
 
 
@@ -38,19 +39,33 @@ def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,
                 estimators: Mapping[str, str] = ESTIMATORS) -> pd.DataFrame:  # fmt: skip
     """Rows of `accuracy.compare` in words: a row per metric and estimator (titles by column), a column per
     light and camera, positions in mm; a value, and in brackets its 95 % interval where it has one."""
-    metrics = [words for (_, statistic), words in WORDS.items() if statistic in statistics]
-    scale, parts = np.where(compared.metric == "position_error_m", 1e3, 1.0), []
-    named = compared.assign(
-        of=[WORDS.get(key) for key in zip(compared.metric, compared.statistic, strict=True)],
-        light=compared.light.map(LIGHTS), camera=compared.modality.map(CAMERAS),
-    )  # fmt: skip
+    nothing, parts = compared.published * np.nan, []
     for column, estimator in estimators.items():
-        ends = [named.get(column + end, named.published * np.nan) * scale for end in ("", "_low", "_high")]
-        text = [_with_interval(*values) for values in zip(*ends, strict=True)]
-        parts.append(named.assign(estimator=estimator, text=text))
-    wide = pd.concat(parts).pivot(index=["of", "estimator"], columns=["light", "camera"], values="text")
-    rows, columns = product(metrics, estimators.values()), product(LIGHTS.values(), ("frames", "events"))
-    wide = wide.reindex(index=list(rows), columns=list(columns))
+        ends = (compared.get(column + end, nothing) for end in ("", "_low", "_high"))
+        parts.append(compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), by=estimator))
+    return _wide(pd.concat(parts), statistics, list(estimators.values()))
+
+
+def of_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """Cells of `accuracy.summary` by ``seed``, ``light`` and ``modality`` in words: a row per metric and
+    training, a column per light and camera, a value and in brackets its 95 % interval."""
+    cells = table[table.variant == "exact"].assign(by="seed " + table.seed.astype(str))
+    return _wide(cells, ("median", "in_fov"), list(cells.by.unique()))
+
+
+def _wide(cells: pd.DataFrame, statistics: Sequence[str], by: Sequence[str]) -> pd.DataFrame:
+    """A row per metric and each of ``by``, a column per light and camera."""
+    cells = cells[cells.statistic.isin(statistics)]
+    scale = np.where(cells.metric == "position_error_m", 1e3, 1.0)
+    ends = (cells[name] * scale for name in INTERVAL)
+    told = cells.assign(
+        of=[WORDS[key] for key in zip(cells.metric, cells.statistic, strict=True)],
+        light=cells.light.map(LIGHTS), camera=cells.modality.map(CAMERAS),
+        text=[_with_interval(*values) for values in zip(*ends, strict=True)],
+    )  # fmt: skip
+    wide = told.pivot(index=["of", "by"], columns=["light", "camera"], values="text")
+    rows = product([words for (_, of), words in WORDS.items() if of in statistics], by)
+    wide = wide.reindex(index=list(rows), columns=list(product(LIGHTS.values(), ("frames", "events"))))
     return wide.rename_axis(index=(None, None), columns=(None, None))
 
 
@@ -64,24 +79,6 @@ def _with_interval(value: float, low: float, high: float) -> str:
 def _digits(value: float) -> str:
     """Three of them, and none behind the point from a hundred on."""
     return f"{value:.3g}" if value < 100 else f"{value:.0f}"
-
-
-def of_seeds(table: pd.DataFrame) -> pd.DataFrame:
-    """Cells of `accuracy.summary` by ``seed``, ``light`` and ``modality`` in words: a row per metric and
-    training, a column per light and camera, a value and in brackets its 95 % interval."""
-    shown = table[(table.variant == "exact") & table.statistic.isin(["median", "in_fov"])]
-    scale = np.where(shown.metric == "position_error_m", 1e3, 1.0)
-    ends = (shown[column] * scale for column in ("value", "low", "high"))
-    named = shown.assign(
-        of=[WORDS[key] for key in zip(shown.metric, shown.statistic, strict=True)],
-        training=[f"seed {seed}" for seed in shown.seed],
-        light=shown.light.map(LIGHTS), camera=shown.modality.map(CAMERAS),
-        text=[_with_interval(*values) for values in zip(*ends, strict=True)],
-    )  # fmt: skip
-    wide = named.pivot(index=["of", "training"], columns=["light", "camera"], values="text")
-    wide = wide.reindex(columns=list(product(LIGHTS.values(), ("frames", "events"))))
-    words = [word for word in WORDS.values() if word in set(named.of)]
-    return wide.reindex(words, level=0).rename_axis(index=(None, None), columns=(None, None))
 
 
 def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):

@@ -59,7 +59,7 @@ def test_empty_masks_have_no_skeleton_distance():
 
 def test_filters_on_the_committed_recording():
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
-    table = filter_quality(recording, "low", most=3)
+    table = filter_quality(recording, most=3)
     assert len(table) == 3 * len(FILTERS) * len(CHANNELS)
     assert table.iou.between(0, 1).all()
     summary = medians(table).set_index(["filter", "modality"])

@@ -54,7 +54,11 @@ def quick(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "DRAWS", 50)
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
-    monkeypatch.setattr(study, "filter_quality", lambda recording, gap: fit.assign(domain_gap=gap))
+    monkeypatch.setattr(
+        study,
+        "filter_quality",
+        lambda recording, gaps: fit.merge(pd.Series(gaps, name="domain_gap"), how="cross"),
+    )
     return tmp_path / "quick"
 
 

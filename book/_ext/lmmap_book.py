@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import nbformat
 import plotly
 from docutils import nodes
+from jupyter_cache import get_cache
 from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
@@ -77,6 +79,15 @@ def drop_preloads(app, exception) -> None:
                 page.write_text(rest)
 
 
+def keep_outputs(app, exception) -> None:
+    """myst-nb writes a chapter that it takes from the cache without its outputs: here they come back."""
+    cache = get_cache(app.config.nb_execution_cache_path)
+    for path in (Path(app.outdir).parent / "jupyter_execute").rglob("*.ipynb"):
+        with suppress(KeyError):  # a chapter without code is not in the cache
+            _, notebook = cache.merge_match_into_notebook(nbformat.read(path, 4))
+            path.write_text(nbformat.writes(notebook))
+
+
 def describe_figures(app, doctree) -> None:
     """Under each figure the functions and data it is made of; its alternative text from the file itself."""
     executed = Path(app.outdir).parent / "jupyter_execute" / f"{app.env.docname}.ipynb"
@@ -121,4 +132,5 @@ def setup(app):
     app.connect("builder-inited", prepare_static)
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
     app.connect("build-finished", drop_preloads)
+    app.connect("build-finished", keep_outputs)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
