@@ -73,6 +73,17 @@ def test_the_next_build_after_an_edit_shows_what_the_module_does_now(book):
     assert code != 0 and "ZeroDivisionError" in page, page
 
 
+def test_a_chapter_whose_prose_changed_keeps_its_outputs(book):
+    """`lmmap check` reads them there."""
+    executed = book / "_build" / "jupyter_execute" / "book" / "page.ipynb"
+    for prose in ("", "\nA sentence more.\n"):
+        (book / "book" / "page.md").write_text(PAGE + prose)
+        code, said = build(book, "1")
+        assert code == 0, said
+        assert "It is 1" in executed.read_text()
+    assert "A sentence more." in executed.read_text()
+
+
 def test_two_builds_in_two_places_are_equal_byte_by_byte(book, tmp_path_factory):
     (book / "book" / "page.md").write_text(PAGE + DRAWN)
     other = shutil.copytree(book, tmp_path_factory.mktemp("elsewhere") / "another-name")
