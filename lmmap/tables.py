@@ -81,6 +81,28 @@ def _digits(value: float) -> str:
     return f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
 
+def of_coverage(covered: pd.DataFrame) -> pd.DataFrame:
+    """`accuracy.coverage` by ``modality`` and ``light`` in words: percent, in brackets its 95 % interval."""
+    ends = zip(covered.inside_95_percent, covered.low, covered.high, strict=True)
+    told = covered.replace({"modality": CAMERAS, "light": LIGHTS}).assign(
+        text=[f"{value:.0f} ({low:.0f} to {high:.0f})" for value, low, high in ends]
+    )
+    wide = told.pivot(index="modality", columns="light", values="text")
+    wide = wide.reindex(index=list(CAMERAS.values()), columns=list(LIGHTS.values()))
+    return wide.rename_axis(index=None, columns=None)
+
+
+def of_saturation(shares: pd.DataFrame, published_percent: np.ndarray):
+    """Shares of black and white pixels by ``light``, the paper's (3, 2) beside them, and the rank correlation
+    of both together with the error; styled."""
+    paper = pd.DataFrame(published_percent, list(LIGHTS), ["low", "high"])
+    ours = shares.set_index("light").loc[list(LIGHTS)]
+    columns = {(f"{word} (%)", whose): of[end] for end, word in (("low", "black"), ("high", "white"))
+               for whose, of in (("paper", paper), ("ours", ours))}  # fmt: skip
+    table = pd.DataFrame({**columns, ("rank correlation", "with the error"): ours.rank_correlation})
+    return table.rename(LIGHTS).style.format(precision=1).format("{:.2f}", table.columns[-1:].tolist())
+
+
 def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
     """Success in percent, styled: of ``counts`` by sequence and modality, for the titles of ``cases``."""
     paper = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")

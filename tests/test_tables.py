@@ -69,6 +69,22 @@ def test_seeds_stand_one_under_the_other():
     assert [float(part) for part in re.findall(r"[0-9.]+", text)] == pytest.approx(mm, rel=0.005)
 
 
+def test_coverage_by_hand():
+    rows = [("high", "event", 91.4, 85.0, 97.6), ("low", "rgb", 72.0, 72.0, 72.0)]
+    covered = pd.DataFrame(rows, columns=["light", "modality", "inside_95_percent", "low", "high"])
+    table = tables.of_coverage(covered)
+    assert table.loc["events", "high light"] == "91 (85 to 98)"
+    assert table.notna().sum().sum() == 2 and table.shape == (3, 3)
+
+
+def test_saturation_stands_beside_the_papers():
+    rows = [("high", 3.0, 30.0, 0.3), ("low", 1.0, 10.0, 0.1), ("medium", 2.0, 20.0, 0.2)]
+    shares = pd.DataFrame(rows, columns=["light", "low", "high", "rank_correlation"])
+    table = tables.of_saturation(shares, np.arange(6).reshape(3, 2)).data
+    assert table.loc["medium light"].tolist() == [2, 2, 3, 20, 0.2]
+    assert table.columns.get_level_values(1).tolist() == ["paper", "ours", "paper", "ours", "with the error"]
+
+
 def test_filters_stand_by_light_each_with_its_own_numbers():
     of = product(("low", "high"), ("ring", "reflector"), ("rgb", "event"))
     rows = [(light, f, m, "low", 0.1 * k, 1.0 * k) for k, (light, f, m) in enumerate(of)]
