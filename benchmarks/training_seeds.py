@@ -19,6 +19,7 @@ from lmmap.accuracy import LIGHTS, MODALITIES, errors, summary
 from lmmap.core import Port
 from lmmap.filters import FILTERS, load_card, weight_path
 from lmmap.pipeline import Estimator, estimate
+from lmmap.recipes import Recipe
 from lmmap.results import DERIVED, fingerprint, save_table
 
 SEEDS, STEPS, RATE_HZ = (1, 2), 1500, 2.0
@@ -36,7 +37,7 @@ def weights_of(seed: int):
     folder = FOLDER / f"seed-{seed}"
     for name, modality in product(FILTERS, MODALITIES):
         path = folder / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
-        recipe = training.Recipe.shipped(name, modality, "high", seed=seed, steps=STEPS)
+        recipe = Recipe.shipped(name, modality, "high", seed=seed, steps=STEPS)
         if not (path.exists() and load_card(path)["command"] == recipe.command):
             training.train(recipe, DERIVED / "training", say, path)
     return folder

@@ -27,6 +27,7 @@ from lmmap.filters import CHANNELS, load_card, load_filter, shipped_gaps, weight
 from lmmap.geometry import circle_ellipse
 from lmmap.pipeline import Estimator
 from lmmap.quality import iou
+from lmmap.recipes import Recipe
 from lmmap.results import DATA, DERIVED, load_table, save_table
 
 STEPS = 100
@@ -111,7 +112,7 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
                 (links / name).symlink_to(DERIVED / "training" / name)
         for old in links.glob("*.ckpt.safetensors"):  # of another variant
             old.unlink()
-        recipe = training.Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")
+        recipe = Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")
         with without(left_out), mock.patch.object(training, "MOST_VALIDATED", 4):
             training.train(recipe, links, lambda line: print(label, line), kept, names, every=steps)
     return load_filter(kept, modality)

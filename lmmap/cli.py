@@ -17,6 +17,7 @@ from . import commands as work
 from . import field, photometry, reference, sequences, simulation, study, vo
 from .core import PAPER, Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
+from .recipes import Recipe
 from .recordings import WRITERS
 from .results import DERIVED, profile, save_json
 
@@ -234,7 +235,7 @@ def train(a) -> None:
     for gap, name, modality in product(gaps, names, modalities):
         asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
         changes = {key: value for key, value in asked.items() if value is not None}
-        recipe = training.Recipe.shipped(name, modality, gap, **changes)
+        recipe = Recipe.shipped(name, modality, gap, **changes)
         path = training.train(recipe, DERIVED / "training", lambda line: print(line, flush=True))
         print(f"{path}: written")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 import warnings
@@ -13,7 +12,6 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from . import accuracy, live, pipeline, rig
 from .core import Camera, Estimate, InputError, Port
@@ -22,16 +20,10 @@ from .journal import Journal
 from .overlay import Overlay
 from .recordings import health, open_stream, read_trajectory
 from .streams import Stream
+from .terminal import GREEN, RED, Bar, coloured, summary
 from .trajectories import as_read
 
-GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
-
-
-def coloured(text, colour: str, file=None) -> str:
-    """The text, in colour where it goes to a terminal whose owner has not said NO_COLOR."""
-    file = file or sys.stdout
-    return f"{colour}{text}{PLAIN}" if file.isatty() and not os.environ.get("NO_COLOR") else str(text)
 
 
 def opened(a, **options) -> Stream:
@@ -56,33 +48,6 @@ def _rig_of(recording) -> rig.Rig | None:
     return rig.Rig.load(known) if known else None
 
 
-class _Bar(tqdm):
-    """Progress in seconds of the recording, with images per second and detections; quiet in a file."""
-
-    def __init__(self, stream: Stream, modality: str):
-        span = stream.source.span_us
-        form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s [{elapsed}<{remaining}{postfix}]"
-        if span is None:
-            form = "{desc}: {n:.1f} s [{elapsed}{postfix}]"
-        total = (span[1] - span[0]) * 1e-6 if span else None
-        super().__init__(desc=modality, total=total, bar_format=form, disable=None)
-        self._first_us, self._began = span[0] if span else None, time.monotonic()
-
-    def shown(self, t_us: int, images: int, poses: int) -> None:
-        self._first_us = t_us if self._first_us is None else self._first_us
-        rate = images / max(time.monotonic() - self._began, 1e-9)
-        self.set_postfix_str(f"{rate:.1f} images/s, {poses} of {images} with a pose", refresh=False)
-        seconds = (t_us - self._first_us) * 1e-6
-        self.update(max(0.0, (min(seconds, self.total) if self.total else seconds) - self.n))
-
-
-def _summary(statuses: list[str]) -> str:
-    counts = Counter(statuses)
-    return f"{len(statuses)} images; " + ", ".join(
-        coloured(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())
-    )
-
-
 def _none_found(stream: Stream, modality: str, settings) -> InputError:
     what = "no frames" if modality == "rgb" else f"fewer than {settings.events_per_window} events"
     other = "--modality event" if modality == "rgb" else "--modality rgb, or fewer --events"
@@ -103,7 +68,7 @@ def estimate(a) -> None:
     with Journal(a.output, a.format, a.resume) as journal, video:
         kept, poses = len(journal.statuses), 0
         try:
-            with _Bar(stream, a.modality) as bar:
+            with Bar(stream, a.modality) as bar:
                 shots = pipeline.images(stream, a.modality, settings, a.rate)
                 left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
                 for image, one in pipeline.answered(left, estimator):
@@ -132,7 +97,7 @@ def _estimate_fused(a, stream: Stream) -> None:
         kept, poses = len(journal.statuses), 0
         both = {m: _kept(stream, estimator, a.rate, parts[m]) for m, estimator in estimators.items()}
         try:
-            with _Bar(stream, a.modality) as bar:
+            with Bar(stream, a.modality) as bar:
                 for one in fuse(pipeline.in_time(both), period_rad, a.rate):
                     if journal.has(one.t_us):
                         continue
@@ -163,7 +128,7 @@ def _told(a, journal: Journal, kept: int, stopped: bool) -> None:
         print(json.dumps({"output": str(a.output), "images": len(journal.statuses), "statuses": counts}))
     else:
         resumed = f" ({kept} from before)" if kept else ""
-        print(f"{a.output}: {_summary(journal.statuses)}{resumed}")
+        print(f"{a.output}: {summary(journal.statuses)}{resumed}")
     if stopped:
         raise KeyboardInterrupt(f"{a.output} keeps what was estimated, --resume goes on")
 
@@ -183,7 +148,7 @@ def evaluate(a) -> None:
     for modality in [a.modality] if a.modality in accuracy.MODALITIES else accuracy.MODALITIES:
         estimator = _estimator(a, stream.camera, modality)
         some = found[modality] = []
-        with _Bar(stream, modality) as bar:
+        with Bar(stream, modality) as bar:
             for one in pipeline.estimate(stream, estimator, a.rate):
                 some.append(one)
                 bar.shown(one.t_us, len(some), sum(e.T_cam_port is not None for e in some))
@@ -267,7 +232,7 @@ def live_(a) -> None:
             raise _none_found(stream, a.modality, estimator.settings)
         raise InputError("live: the camera sent no image; check its cable and its lens cap")
     rate = len(statuses) / (time.monotonic() - began)
-    print(f"lmmap: {_summary(statuses)}; {rate:.1f} images/s, {skipped} skipped, "
+    print(f"lmmap: {summary(statuses)}; {rate:.1f} images/s, {skipped} skipped, "
           f"{np.median(late_ms):.0f} ms late", file=sys.stderr)  # fmt: skip
 
 

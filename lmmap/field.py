@@ -15,6 +15,7 @@ from tqdm import tqdm
 from . import accuracy, campaign, intrinsics, pipeline, published, rigging, sidebyside, standin, transforms
 from .core import Camera, InputError, Port
 from .filters import CHANNELS, FILTERS, weight_path
+from .recipes import Recipe
 from .recordings import open_stream
 from .results import DERIVED
 from .rig import CAMERA, NAME, CameraOnRobot, read_hand_eye
@@ -207,14 +208,14 @@ def train(a) -> None:
     """Filters trained on a folder of bags, kept where ``reproduce --data`` looks for them."""
     from . import training  # torch's optimisers take a second to import
 
-    chosen = {"steps": a.steps or 2000, "start_from": a.start_from or ""}
+    chosen = {"steps": a.steps or 2000, "start_from": a.start_from or "", "restart": a.restart or ()}
     gaps = [a.domain_gap] if a.domain_gap else accuracy.DOMAIN_GAPS
     names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
     for gap in gaps:
         pieces, folder = campaign.training_set(a.data, gap, lambda line: print(line, flush=True))
         out = campaign.output(a.data) / f"weights-{gap}"
         for name, modality in product(names, modalities):
-            recipe = training.Recipe(name, modality, gap, a.seed, **chosen, data=out.parent.name)
+            recipe = Recipe(name, modality, gap, a.seed, **chosen, data=out.parent.name)
             path = out / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
             training.train(recipe, folder, lambda line: print(line, flush=True), path, pieces)
             print(f"{path}: written")

@@ -11,7 +11,7 @@ import cv2
 import pytest
 from test_bad_input import write_camera
 
-from lmmap import cli, commands
+from lmmap import cli, terminal
 from lmmap.core import PAPER, Camera
 from lmmap.journal import Journal
 from lmmap.pipeline import fitting
@@ -221,10 +221,10 @@ def test_colours_on_a_terminal_only(monkeypatch):
             return True
 
     monkeypatch.delenv("NO_COLOR", raising=False)
-    assert commands.coloured("x", commands.RED, Terminal()) == "\033[31mx\033[0m"
-    assert commands.coloured("x", commands.RED, io.StringIO()) == "x"
+    assert terminal.coloured("x", terminal.RED, Terminal()) == "\033[31mx\033[0m"
+    assert terminal.coloured("x", terminal.RED, io.StringIO()) == "x"
     monkeypatch.setenv("NO_COLOR", "1")
-    assert commands.coloured("x", commands.RED, Terminal()) == "x"
+    assert terminal.coloured("x", terminal.RED, Terminal()) == "x"
 
 
 def test_usage_errors_exit_with_2(capsys):

@@ -10,6 +10,7 @@ from safetensors import safe_open
 
 from lmmap import augment, dataset, filters, training
 from lmmap.core import InputError
+from lmmap.recipes import Recipe
 
 SHAPE = (100, 104)
 
@@ -42,7 +43,7 @@ def quiet(line):
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 def test_batches_are_a_function_of_seed_and_step(toy, gap, modality):
     samples = dataset.Samples(dataset.SETS["low"], "ring", modality, toy)
-    recipe = training.Recipe("ring", modality, gap, batch=4, crop_px=48)
+    recipe = Recipe("ring", modality, gap, batch=4, crop_px=48)
     x, y = training.batch(samples, recipe, 7)
     assert x.shape == (4, filters.CHANNELS[modality], 48, 48)
     assert y.shape == (4, 1, 48, 48)
@@ -55,7 +56,7 @@ def test_batches_are_a_function_of_seed_and_step(toy, gap, modality):
 
 def test_masks_follow_their_images(toy):
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
-    x, y = training.batch(samples, training.Recipe("ring", "event", batch=8), 3)
+    x, y = training.batch(samples, Recipe("ring", "event", batch=8), 3)
     assert torch.equal(x > 0.5, y > 0.5)
 
 
@@ -63,7 +64,7 @@ def test_most_crops_hold_positives(toy):
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
 
     def share(positive):
-        recipe = training.Recipe("ring", "event", batch=40, crop_px=24, positive_crops=positive)
+        recipe = Recipe("ring", "event", batch=40, crop_px=24, positive_crops=positive)
         return training.batch(samples, recipe, 0)[1].amax((1, 2, 3)).mean()
 
     assert share(1.0) == 1
@@ -72,7 +73,7 @@ def test_most_crops_hold_positives(toy):
 
 @pytest.mark.parametrize("gap", ["low", "robust"])
 def test_a_killed_run_ends_as_an_unbroken_one(toy, gap):
-    recipe = training.Recipe("ring", "event", gap, steps=6, batch=2)
+    recipe = Recipe("ring", "event", gap, steps=6, batch=2)
 
     def final(stop_at=None):
         (toy / f"ring-event-{gap}-0.ckpt.safetensors").unlink(missing_ok=True)
@@ -109,9 +110,9 @@ def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
     def weights(recipe):
         return training.train(recipe, toy, quiet).read_bytes()
 
-    ended = training.Recipe("ring", "event", steps=3, batch=2, warm_up=1)
-    longer = training.Recipe("ring", "event", steps=5, batch=2, warm_up=1, restart=(3,))
-    longest = training.Recipe("ring", "event", steps=6, batch=2, warm_up=1, restart=(3, 5))
+    ended = Recipe("ring", "event", steps=3, batch=2, warm_up=1)
+    longer = Recipe("ring", "event", steps=5, batch=2, warm_up=1, restart=(3,))
+    longest = Recipe("ring", "event", steps=6, batch=2, warm_up=1, restart=(3, 5))
     weights(ended)
     resumed = weights(longer)
     (toy / "ring-event-low-0.ckpt.safetensors").unlink()
@@ -123,16 +124,16 @@ def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
     assert [longer.phase(step) for step in range(5)] == [0, 1 / 3, 2 / 3, 0, 1 / 2]
     for restart in ((5,), (0,), (3, 2)):
         with pytest.raises(InputError, match="--restart"):
-            training.Recipe("ring", "event", steps=5, restart=restart)
+            Recipe("ring", "event", steps=5, restart=restart)
 
 
 def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_error(toy):
-    first = training.Recipe("ring", "event", steps=1, batch=2)
+    first = Recipe("ring", "event", steps=1, batch=2)
     training.train(first, toy, quiet)
     path = toy / "ring-event-low-0.ckpt.safetensors"
     with safe_open(path, "pt") as file:  # tensors and text: nothing that runs
         assert json.loads(file.metadata()["recipe"])["steps"] == 1
-    other = training.Recipe("ring", "event", steps=2, batch=2)
+    other = Recipe("ring", "event", steps=2, batch=2)
     curve = json.loads(training.train(other, toy, quiet).with_suffix(".json").read_text())["curve"]
     assert [p["step"] for p in curve] == [2]
     path.write_bytes(path.read_bytes()[:100])
@@ -143,7 +144,7 @@ def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_er
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 def test_learns_a_bright_square_and_says_how(toy, modality):
     lines = []
-    recipe = training.Recipe("ring", modality, steps=40, batch=8, warm_up=5)
+    recipe = Recipe("ring", modality, steps=40, batch=8, warm_up=5)
     path = training.train(recipe, toy, lines.append)
     card = json.loads(path.with_suffix(".json").read_text())
     assert card["curve"][-1]["iou"] > 0.6
@@ -156,8 +157,8 @@ def test_learns_a_bright_square_and_says_how(toy, modality):
 
 
 def test_a_run_may_start_from_other_weights(toy):
-    training.train(training.Recipe("ring", "event", "low", steps=3, batch=2), toy, quiet)
-    recipe = training.Recipe("ring", "event", "robust", steps=1, batch=2, rate=0.0, start_from="low")
+    training.train(Recipe("ring", "event", "low", steps=3, batch=2), toy, quiet)
+    recipe = Recipe("ring", "event", "robust", steps=1, batch=2, rate=0.0, start_from="low")
     path = training.train(recipe, toy, quiet)
     first, last = (
         filters.load_weights(toy / f"ring-event-{gap}.safetensors", "event") for gap in ("low", "robust")
@@ -168,9 +169,9 @@ def test_a_run_may_start_from_other_weights(toy):
 
 def test_a_recipe_refuses_what_it_does_not_know():
     with pytest.raises(ValueError, match="filter is one of"):
-        training.Recipe("rings", "event")
+        Recipe("rings", "event")
     with pytest.raises(InputError, match="at least 1"):
-        training.Recipe("ring", "event", steps=0)
+        Recipe("ring", "event", steps=0)
 
 
 def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
@@ -179,10 +180,10 @@ def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
     original = dataset.Samples.image
     monkeypatch.setattr(dataset.Samples, "image", lambda self, i, n: asked.append(n) or original(self, i, n))
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
-    training.batch(samples, training.Recipe("ring", "event", "low", batch=4), 0)
+    training.batch(samples, Recipe("ring", "event", "low", batch=4), 0)
     assert set(asked) == {training.PAPER.events_per_window}
     asked.clear()
-    training.batch(samples, training.Recipe("ring", "event", "robust", batch=4), 0)
+    training.batch(samples, Recipe("ring", "event", "robust", batch=4), 0)
     low, high = np.array(augment.HISTOGRAM_EVENTS) * training.PAPER.events_per_window
     assert len(set(asked)) == 4
     assert low <= min(asked) < max(asked) <= high
@@ -193,6 +194,6 @@ def test_what_ships_is_made_by_the_default_command():
     for card in sorted(filters.WEIGHTS.glob("*.json")):
         recipe = json.loads(card.read_text())["recipe"]
         asked = recipe["filter"], recipe["modality"], recipe["domain_gap"]
-        default = training.Recipe.shipped(*asked)
+        default = Recipe.shipped(*asked)
         made = json.loads(json.dumps(asdict(default)))
         assert {key: made[key] for key in recipe} == recipe
