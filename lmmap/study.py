@@ -96,7 +96,7 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
     facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
     for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
-        found = {m: _estimates(recording, m, gap, rate_hz, folder, mark, report) for m in MODALITIES}
+        found = {m: _estimates(recording, m, gap, rate_hz, folder, report) for m in MODALITIES}
         found["fused"] = list(fuse(in_time(found), port.yaw_period_rad, rate_hz))
         write_estimates(found["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
         for modality, some in found.items():
@@ -125,9 +125,13 @@ def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
     return open_recording(path)
 
 
-def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path, mark: str,
+def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path,
                report) -> list[Estimate]:  # fmt: skip
+    """Those kept, if the module and the two filters are still the ones that made them; other sets of weights
+    may have changed."""
     name = label(recording.name, modality, gap)
+    own = ("lmmap/*.py", f"data/weights/*-{modality}-{gap}.*", "environment.txt")
+    mark = fingerprint(recording.name, str(rate_hz), patterns=own)
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and _holds(done, mark)):
         estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from conftest import facing_pose
 
-from lmmap import study
+from lmmap import results, study
 from lmmap.accuracy import compare
 from lmmap.core import Camera, Ellipse, Estimate, Pose, Recording, Status, Trajectory
 from lmmap.trajectories import write_estimates
@@ -31,7 +31,7 @@ class Estimates:
     def __init__(self, stop_at=None):
         self.made, self.stop_at = [], stop_at
 
-    def __call__(self, recording, modality, gap, rate_hz, folder, mark, report):
+    def __call__(self, recording, modality, gap, rate_hz, folder, report):
         name = study.label(recording.name, modality, gap)
         if name == self.stop_at:
             raise KeyboardInterrupt
@@ -92,6 +92,26 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     before = (quick / "summary.csv").stat().st_mtime_ns
     study.reproduce("quick", lines.append)
     assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
+
+
+def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch):
+    root, made = tmp_path / "root", []
+    weights = [root / "data" / "weights" / f"ring-event-{gap}.safetensors" for gap in ("low", "robust")]
+    weights[0].parent.mkdir(parents=True)
+    monkeypatch.setattr(results, "ROOT", root)
+    monkeypatch.setattr(study, "Estimator", lambda camera, port, modality, gap: made.append(gap))
+    monkeypatch.setattr(study, "estimate", lambda *_: [Estimate(0, Status.NO_RING)])
+    seen = recorded("test-low", 3, tmp_path, None)
+
+    def count():
+        study._estimates(seen, "event", "low", 10.0, tmp_path, lambda line: None)
+        return len(made)
+
+    assert [count(), count()] == [1, 1]
+    weights[1].write_text("another robust set")
+    assert count() == 1
+    weights[0].write_text("another low gap's set")
+    assert count() == 2
 
 
 def test_the_paper_profile_has_three_of_each():
