@@ -26,6 +26,7 @@ from .filters import (
     FilterNet,
     encode,
     keep_freed_memory,
+    load_card,
     load_weights,
     save_weights,
     weight_path,
@@ -116,14 +117,14 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     torch.manual_seed(recipe.seed)
     keep_freed_memory()
     net = FilterNet(CHANNELS[recipe.modality], prior)
+    run = f"{recipe.name}-{recipe.seed}"
     if recipe.start_from:
         first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
         net.load_state_dict(load_weights(first, recipe.modality))
+        run += f"-from-{load_card(first)['sha256'][:8]}"  # another start is another run
     net = net.to(device, memory_format=torch.channels_last)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
-    checkpoint = (
-        folder / f"{recipe.filter}-{recipe.modality}-{recipe.domain_gap}-{recipe.seed}.ckpt.safetensors"
-    )
+    checkpoint = folder / f"{run}.ckpt.safetensors"
     start, curve = _resume(checkpoint, net, adam, recipe)
     since, running = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
@@ -189,7 +190,7 @@ def _resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    if Recipe(**json.loads(facts["recipe"])) not in (recipe, *recipe.begun):
+    if facts["recipe"] not in [json.dumps(asdict(one)) for one in (recipe, *recipe.begun)]:
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()

@@ -76,7 +76,8 @@ def test_a_killed_run_ends_as_an_unbroken_one(toy, gap):
     recipe = Recipe("ring", "event", gap, steps=6, batch=2)
 
     def final(stop_at=None):
-        (toy / f"ring-event-{gap}-0.ckpt.safetensors").unlink(missing_ok=True)
+        for path in toy.glob("*.ckpt.safetensors"):
+            path.unlink()
         if stop_at:
             _run(recipe, toy, stop_at)
         card = training.train(recipe, toy, quiet).with_suffix(".json")
@@ -125,6 +126,17 @@ def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
     for restart in ((5,), (0,), (3, 2)):
         with pytest.raises(InputError, match="--restart"):
             Recipe("ring", "event", steps=5, restart=restart)
+
+
+def test_another_start_is_another_run(toy):
+    """A robust set whose low one was trained anew must not end as the old one did."""
+    robust = Recipe("ring", "event", "robust", steps=2, batch=2, start_from="low")
+    seen = []
+    for seed in (0, 1):
+        training.train(Recipe("ring", "event", "low", seed=seed, steps=2, batch=2), toy, quiet)
+        seen.append(training.train(robust, toy, quiet).read_bytes())
+    assert seen[0] != seen[1]
+    assert len(list(toy.glob("ring-event-robust-0-from-*.ckpt.safetensors"))) == 2
 
 
 def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_error(toy):
