@@ -11,6 +11,7 @@ from . import sequences, simulation
 from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, compare, coverage, errors, saturation, summary
 from .claims import claims
 from .core import PAPER, Estimate, Port, Recording
+from .dataset import BENCH
 from .filters import shipped_gaps
 from .fusion import fuse
 from .pipeline import Estimator, estimate, in_time
@@ -19,10 +20,11 @@ from .recordings import open_recording, read_estimates
 from .results import DATA, DERIVED, fingerprint, save_json, save_table
 from .trajectories import write_estimates
 
-BENCH = [
+OF_ESTIMATES = [  # what `pipeline` and `trajectories` are made of
     f"lmmap/{name}.py"
-    for name in ("core", "geometry", "scene", "materials", "shading", "dvs", "laboratory", "sequences")
-]
+    for name in ("calibration", "core", "geometry", "conics", "events", "ellipse", "contour", "circle", "yaw",
+                 "uncertainty", "joint", "filters", "streams", "pipeline", "trajectories")
+]  # fmt: skip
 TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
 PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
@@ -127,10 +129,9 @@ def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
 
 def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path,
                report) -> list[Estimate]:  # fmt: skip
-    """Those kept, if the module and the two filters are still the ones that made them; other sets of weights
-    may have changed."""
+    """Those kept, if the estimator and its two filters are still the ones that made them."""
     name = label(recording.name, modality, gap)
-    own = ("lmmap/*.py", f"data/weights/*-{modality}-{gap}.*", "environment.txt")
+    own = (*OF_ESTIMATES, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
     mark = fingerprint(recording.name, str(rate_hz), patterns=own)
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and _holds(done, mark)):

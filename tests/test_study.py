@@ -1,5 +1,7 @@
 """The study on made-up estimates: it goes on where it stopped, ends, and has every table."""
 
+import ast
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -92,6 +94,17 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     before = (quick / "summary.csv").stat().st_mtime_ns
     study.reproduce("quick", lines.append)
     assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
+
+
+def test_estimates_are_kept_by_all_that_makes_them():
+    def below(name):
+        source = (results.ROOT / "lmmap" / f"{name}.py").read_text()
+        modules = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.ImportFrom) and n.level]
+        named = {x for n in modules for x in ([n.module] if n.module else [a.name for a in n.names])}
+        return {name}.union(*map(below, named))
+
+    made_of = below("pipeline") | below("trajectories")
+    assert sorted(study.OF_ESTIMATES) == sorted(f"lmmap/{name}.py" for name in made_of)
 
 
 def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch):
