@@ -14,7 +14,9 @@ from .filters import FILTERS, load_filter, weight_path
 from .geometry import circle_points_m, in_view, project
 from .shading import ray_grid
 
-COLUMNS = ["t_us", "filter", "modality", "domain_gap", "iou", "skeleton_px", "missed", "mask_px", "truth_px"]
+FITS = ["iou", "skeleton_px", "stray", "missed"]
+COLUMNS = ["t_us", "filter", "modality", "domain_gap", *FITS, "mask_px", "truth_px"]
+NEAR_PX = 2.0  # skeleton farther from the true line is astray; true line farther from the mask is missed
 LINE_POINTS = 2400  # of a middle line: a few to each pixel
 
 
@@ -24,14 +26,16 @@ def iou(mask, truth) -> float:
     return float((mask & truth).sum() / union) if union else 1.0
 
 
-def skeleton_distance_px(mask, line_px) -> float:
-    """Median distance of the mask's skeleton from the nearest point of the true middle line (M, 2), such as
-    `middle_lines_px` has; NaN of an empty mask.  Ellipses are fitted to the skeleton: this is the error that
-    they see.  The line is no mask's skeleton, which would be off by half a pixel itself."""
+def skeleton_distance(mask, line_px) -> tuple[float, float]:
+    """How far (pixels, median) the mask's skeleton lies from the true middle line, points (M, 2) such as
+    `middle_lines_px` has, and the share of it that lies astray; NaN of an empty mask.  Ellipses are fitted
+    to the skeleton: this is the error that they see.  The line is no mask's skeleton, which would be off by
+    half a pixel itself."""
     rows, columns = np.nonzero(skeletonize(mask))
     if not len(rows):
-        return np.nan
-    return float(np.median(cKDTree(line_px).query(np.column_stack([columns, rows]))[0]))
+        return np.nan, np.nan
+    away_px, _ = cKDTree(line_px).query(np.column_stack([columns, rows]))
+    return float(np.median(away_px)), float(np.mean(away_px > NEAR_PX))
 
 
 def middle_lines_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -43,13 +47,13 @@ def middle_lines_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.nd
     return tuple(project(T_cam_port @ points, camera) for points in of)
 
 
-def missed_share(mask, truth, within_px: float = 2.0) -> float:
+def missed_share(mask, truth) -> float:
     """Share of the true skeleton that has no found pixel near; NaN without truth."""
     true = skeletonize(truth)
     if not true.any():
         return np.nan
     away_px = distance_transform_edt(~mask) if mask.any() else np.full(mask.shape, np.inf)
-    return float((away_px[true] > within_px).mean())
+    return float((away_px[true] > NEAR_PX).mean())
 
 
 def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb", "event"),
@@ -66,8 +70,8 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
     Returns
     -------
     DataFrame
-        A row per image and filter: ``t_us, filter, modality, domain_gap, iou, skeleton_px, missed,
-        mask_px, truth_px``.  A mask that is empty where it should not be has IoU 0 and stays in.
+        A row per image and filter: ``t_us, filter, modality, domain_gap, iou, skeleton_px, stray,
+        missed, mask_px, truth_px``.  A mask that is empty where it should not be has IoU 0 and stays in.
     """
     if recording.truth is None:
         raise ValueError("filter_quality: expected a recording with truth, got one without")
@@ -83,7 +87,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
                 mask, true = net(image) > settings.mask_threshold, truth[name]
                 if name == "reflector":  # the pipeline asks it only there
                     mask &= _around(pose, port, recording.camera)
-                fit = iou(mask, true), skeleton_distance_px(mask, lines[name]), missed_share(mask, true)
+                fit = iou(mask, true), *skeleton_distance(mask, lines[name]), missed_share(mask, true)
                 rows.append((t_us, name, modality, gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -111,6 +115,6 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
     """Medians over images, and the share of images in which nothing was found (percent)."""
     by = [c for c in ("light", "filter", "modality", "domain_gap") if c in table]
     groups = table.assign(empty_percent=100.0 * (table.mask_px == 0)).groupby(by, sort=False)
-    out = groups[["iou", "skeleton_px", "missed"]].median()
+    out = groups[FITS].median()
     out["empty_percent"], out["images"] = groups.empty_percent.mean(), groups.size()
     return out.reset_index()

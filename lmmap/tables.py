@@ -32,6 +32,7 @@ ESTIMATORS = {
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 CELL, INTERVAL = ["metric", "statistic", "light", "modality"], ("value", "low", "high")
+FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)", "stray": "astray", "missed": "missed"}
 ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers"}
 
 
@@ -119,11 +120,11 @@ def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
     return table.style.format(precision=1, na_rep="–")
 
 
-def of_filters(table: pd.DataFrame):
-    """`quality.medians` by light, styled: a row per filter, a column per light of overlap and skeleton."""
-    named = table.rename(columns={"iou": "IoU", "skeleton_px": "skeleton (px)", "domain_gap": "domain gap"})
+def of_filters(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
+    """`quality.medians` by light, styled: a row per filter, a column per fit and light."""
+    named = table.rename(columns={**FITS, "domain_gap": "domain gap"})
     rows = ["domain gap", "filter", "modality"]
-    wide = named.pivot_table(["IoU", "skeleton (px)"], rows, "light", sort=False)
+    wide = named.pivot_table([FITS[fit] for fit in fits], rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 
 from lmmap.filters import CHANNELS, FILTERS
 from lmmap.geometry import ideal_masks
-from lmmap.quality import filter_quality, iou, medians, middle_lines_px, missed_share, skeleton_distance_px
+from lmmap.quality import filter_quality, iou, medians, middle_lines_px, missed_share, skeleton_distance
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -31,15 +31,17 @@ def test_overlap_by_hand_and_its_limits():
 @pytest.mark.parametrize("shift", [0, 1, 2.5, 4])
 def test_skeleton_distance_is_the_shift_and_ignores_the_stroke(shift):
     line = np.column_stack([np.arange(0, 60, 0.25), np.full(240, 20 - shift)])
-    assert skeleton_distance_px(band(20), line) == pytest.approx(shift, abs=0.01)
-    assert skeleton_distance_px(band(20, 5), line) == pytest.approx(shift, abs=0.01)
+    for width in (3, 5):
+        away_px, stray = skeleton_distance(band(20, width), line)
+        assert away_px == pytest.approx(shift, abs=0.01)
+        assert stray == pytest.approx(float(shift > 2), abs=0.1)  # a skeleton's ends may fork
 
 
 @given(strategies.visible_poses(max_tilt_deg=55))
 def test_true_masks_have_their_skeletons_on_the_middle_lines(T):
     masks = ideal_masks(T, strategies.PORT, strategies.CAMERA) > 0.5
     ring, markers = middle_lines_px(T, strategies.PORT, strategies.CAMERA)
-    assert skeleton_distance_px(masks[0], ring) < 0.6  # pixels, and a circle's centre-line is not its middle
+    assert skeleton_distance(masks[0], ring)[0] < 0.6  # pixels, and a circle's centre-line is not its middle
     u, v = np.round(markers).astype(int).T
     assert ideal_masks(T, strategies.PORT, strategies.CAMERA)[1, v, u].mean() > 0.8
 
@@ -52,8 +54,15 @@ def test_missed_share_of_half_a_band():
     assert missed_share(np.zeros_like(half), band(20)) == 1
 
 
+def test_what_lies_off_the_line_is_astray():
+    line = np.column_stack([np.arange(0, 60, 0.25), np.full(240, 20)])
+    _, stray = skeleton_distance(band(20) | band(30), line)
+    assert stray == pytest.approx(0.5, abs=0.01)
+    assert skeleton_distance(band(20), line)[1] == 0
+
+
 def test_empty_masks_have_no_skeleton_distance():
-    assert np.isnan(skeleton_distance_px(np.zeros((40, 60), bool), np.zeros((1, 2))))
+    assert np.isnan(skeleton_distance(np.zeros((40, 60), bool), np.zeros((1, 2)))).all()
     assert np.isnan(missed_share(band(20), np.zeros((40, 60), bool)))
 
 

@@ -55,7 +55,7 @@ def quick(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "recorded", recorded)
     monkeypatch.setattr(study, "DRAWS", 50)
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
-                        "skeleton_px": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
+                        "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
     monkeypatch.setattr(
         study,
         "filter_quality",
