@@ -2,11 +2,11 @@
 
     python benchmarks/choose_thresholds.py
 
-``core.Settings.mask_threshold`` and ``min_marker_score``: for each of their values, how many images with the
-ring in view get a pose, how many of these poses are wrong, and how many images without a port get one.  The
-thresholds stay as they are while they give no pose without a port, and no others give more right less wrong
-poses, of both modalities together, than chance would.  The table is kept in data/results/thresholds.csv, the
-recordings in data/derived/calibration.
+``core.Settings.mask_threshold``, ``ellipse.SURE`` and ``core.Settings.min_marker_score``: for each of their
+values (the first two one at a time), how many images with the ring in view get a pose, how many of these poses are
+wrong, and how many images without a port get one.  The thresholds stay as they are while they give no pose
+without a port, and no others give more right less wrong poses, of both modalities together, than chance
+would.  The table is kept in data/results/thresholds.csv, the recordings in data/derived/calibration.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from calibrate_uncertainty import RATE_HZ, SEQUENCES, recording
 from tqdm import tqdm
 from tune_fusion import RIGHT_M, RIGHT_RAD
 
-from lmmap import yaw
+from lmmap import ellipse, yaw
 from lmmap.contour import Contour
 from lmmap.core import PAPER, Port, Pose
 from lmmap.geometry import in_view
@@ -28,10 +28,14 @@ from lmmap.pipeline import Estimator, images
 from lmmap.results import DATA, save_table
 
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
-MASK_THRESHOLDS, MIN_MARKER_SCORES = (0.2, 0.3, 0.4, 0.5, 0.6), (0.05, 0.075, 0.1, 0.15, 0.2)
+MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
+CUTS = [(threshold, ellipse.SURE) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + [
+    (PAPER.mask_threshold, sure) for sure in (0.0, 0.7, 0.8, 0.95)
+]  # of the mask: threshold, and what a blob must reach
+PRESENT = (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
 RIGHT_ROTATION_RAD = np.deg2rad(10.0)
 CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
-NAMES = ("mask_threshold", "min_marker_score")
+NAMES = ("mask_threshold", "sure", "min_marker_score")
 
 
 def shots(estimator: Estimator):
@@ -55,10 +59,10 @@ def right(T: Pose, truth: Pose, port: Port) -> bool:
 def answers(estimator: Estimator, image, truth) -> list[dict]:
     """The outcome with each threshold of the masks, and the markers' score that decides."""
     rows, ring_mask = [], estimator.ring_filter(image)
-    for threshold in MASK_THRESHOLDS:
-        estimator.settings = replace(PAPER, mask_threshold=threshold)
+    for threshold, sure in CUTS:
+        estimator.settings, ellipse.SURE = replace(PAPER, mask_threshold=threshold), sure
         ring, _ = estimator.find_ring(ring_mask)
-        row = {"mask_threshold": threshold, "score": -1.0, "right": False}
+        row = {"mask_threshold": threshold, "sure": sure, "score": -1.0, "right": False}
         if isinstance(ring, Contour):
             candidates = estimator.candidates(ring.ellipse)
             reflectors = estimator.find_reflectors(image, candidates)
@@ -92,7 +96,7 @@ def choice(table: pd.DataFrame) -> pd.Series:
     both = table.groupby(list(NAMES))[["images", "right", "wrong", "false"]].sum().reset_index()
     both["score"] = (both.right - both.wrong) / both.images
     some = both[both.false == both.false.min()].sort_values("score", ascending=False)
-    ours = some[np.isclose(some[list(NAMES)], [getattr(PAPER, name) for name in NAMES]).all(1)]
+    ours = some[np.isclose(some[list(NAMES)], PRESENT).all(1)]
     tie = len(ours) and ours.score.iloc[0] >= some.score.iloc[0] - CHANCE
     return (ours if tie else some).iloc[0]
 

@@ -6,6 +6,7 @@ Whether points belong to an ellipse is measured by the Sampson distance througho
 from __future__ import annotations
 
 import numpy as np
+from skimage.filters import apply_hysteresis_threshold
 from skimage.morphology import skeletonize
 
 from .conics import (
@@ -21,14 +22,24 @@ from .conics import (
 from .core import PAPER, Ellipse, Settings
 from .geometry import ellipse_from_conic
 
+SURE = 0.9  # of the mask's highest value: by `python benchmarks/choose_thresholds.py`
+
+
+def binarised(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
+    """Pixels above the threshold, of those blobs that somewhere exceed ``sure`` (default: `SURE`) times the
+    mask's highest value: hysteresis, which drops weak blobs and keeps the weak ends of strong ones."""
+    mask = np.asarray(mask, np.float32)
+    high = (SURE if sure is None else sure) * mask.max(initial=0)
+    return apply_hysteresis_threshold(mask, threshold, max(high, threshold))
+
 
 def skeleton_points(mask, threshold: float = PAPER.mask_threshold) -> np.ndarray:
-    """Pixels (u, v) of the mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
+    """Pixels (u, v) of the `binarised` mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
 
     Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
     `contour.trace` doesn't have that bias.
     """
-    active = np.asarray(mask) > threshold
+    active = binarised(mask, threshold)
     rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
     if not rows.size:
         return np.empty((0, 2))

@@ -178,7 +178,7 @@ def thresholds(mask, levels, truth: Ellipse, rng: np.random.Generator) -> list[S
             ("ellipse", contour, "ours", "lines"),
             ("truth", truth.points(180), "truth", "lines"),
         )
-        above = np.asarray(mask > level, float)
+        above = ellipse.binarised(mask, level).astype(float)
         steps.append(Step(f"{level:g}", f"{len(points)} skeleton points; {off}", above, curves))
     return steps
 

@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from skimage.morphology import skeletonize
 
-from . import pipeline, sequences
+from . import ellipse, pipeline, sequences
 from .core import PAPER, Camera, Port, Pose, Recording, Settings
 from .filters import FILTERS, load_filter, weight_path
 from .geometry import circle_points_m, in_view, project
@@ -84,9 +84,11 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
             truth = dict(zip(FILTERS, sequences.label_masks(pose, port, recording.camera, rays), strict=True))
             lines = dict(zip(FILTERS, middle_lines_px(pose, port, recording.camera), strict=True))
             for (gap, name), net in nets.items():
-                mask, true = net(image) > settings.mask_threshold, truth[name]
-                if name == "reflector":  # the pipeline asks it only there
-                    mask &= _around(pose, port, recording.camera)
+                values, true = net(image), truth[name]
+                if name == "ring":
+                    mask = ellipse.binarised(values, settings.mask_threshold)
+                else:  # the pipeline asks it only there
+                    mask = (values > settings.mask_threshold) & _around(pose, port, recording.camera)
                 fit = iou(mask, true), *skeleton_distance(mask, lines[name]), missed_share(mask, true)
                 rows.append((t_us, name, modality, gap, *fit, mask.sum(), true.sum()))
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -165,6 +165,17 @@ def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
 
 
+def test_weak_blobs_go_and_weak_ends_of_strong_ones_stay():
+    row = np.zeros((3, 12))
+    row[1] = [0, 0.6, 0.98, 0.6, 0.4, 0.6, 0.8, 0, 0, 0.9, 0.6, 0]
+    kept = ellipse.binarised(row)
+    assert np.flatnonzero(kept[1]).tolist() == [1, 2, 3, 9, 10]  # 0.9 is near enough to 0.98, 0.8 is not
+    assert np.array_equal(ellipse.binarised(row, sure=0), row > 0.5)
+    assert np.array_equal(ellipse.binarised(0.9 * row, 0.45), kept)  # a filter less sure of all loses nothing
+    assert not ellipse.binarised(0.4 * row).any()
+    assert np.array_equal(ellipse.binarised(row > 0.5), row > 0.5)
+
+
 def degenerate(rng):
     line = np.column_stack([np.arange(50.0), 2 * np.arange(50.0)])
     s = np.linspace(-1.5, 1.5, 60)
