@@ -3,10 +3,10 @@
     python benchmarks/choose_thresholds.py
 
 ``core.Settings.mask_threshold``, ``ellipse.SURE`` and ``core.Settings.min_marker_score``: for each of their
-values (the first two one at a time), how many images with the ring in view get a pose, how many of these poses are
-wrong, and how many images without a port get one.  The thresholds stay as they are while they give no pose
-without a port, and no others give more right less wrong poses, of both modalities together, than chance
-would.  The table is kept in data/results/thresholds.csv, the recordings in data/derived/calibration.
+values (the first two one at a time), how many images with the ring in view get a pose, how many of these
+poses are wrong, and how many images without a port get one.  The thresholds stay as they are while they give
+no pose without a port, and no others give more right less wrong poses, of both modalities together, than
+chance would.  The table is kept in data/results/thresholds.csv, the recordings in data/derived/calibration.
 """
 
 from __future__ import annotations

@@ -60,7 +60,8 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
     again = estimator(image, t_us)
     assert again.status == found[7].status
     if again.T_cam_port is not None:
-        assert np.array_equal(again.T_cam_port.rotation, found[7].T_cam_port.rotation)
+        # in float32 sums go by where arrays lie in memory
+        assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=1e-6)
 
 
 def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):

@@ -11,7 +11,7 @@ import pytest
 import tune_fusion
 import validation_world
 
-from lmmap import dataset, photometry, study, tracking
+from lmmap import dataset, ellipse, photometry, study, tracking
 from lmmap.core import PAPER
 from lmmap.laboratory import sequence
 from lmmap.motion import Motion
@@ -82,4 +82,5 @@ def test_of_settings_as_good_as_the_best_the_most_honest_is_chosen():
 
 def test_the_thresholds_are_the_scripts_choice():
     best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
-    assert all(getattr(PAPER, name) == best[name] for name in choose_thresholds.NAMES)
+    assert tuple(best[list(choose_thresholds.NAMES)]) == choose_thresholds.PRESENT
+    assert choose_thresholds.PRESENT == (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
