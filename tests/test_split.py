@@ -83,4 +83,4 @@ def test_of_settings_as_good_as_the_best_the_most_honest_is_chosen():
 def test_the_thresholds_are_the_scripts_choice():
     best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
     assert tuple(best[list(choose_thresholds.NAMES)]) == choose_thresholds.PRESENT
-    assert choose_thresholds.PRESENT == (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
+    assert (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score) == choose_thresholds.PRESENT
