@@ -33,13 +33,13 @@ def binarised(mask, threshold: float = PAPER.mask_threshold, sure: float | None 
     return apply_hysteresis_threshold(mask, threshold, max(high, threshold))
 
 
-def skeleton_points(mask, threshold: float = PAPER.mask_threshold) -> np.ndarray:
+def skeleton_points(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
     """Pixels (u, v) of the `binarised` mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
 
     Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
     `contour.trace` doesn't have that bias.
     """
-    active = binarised(mask, threshold)
+    active = binarised(mask, threshold, sure)
     rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
     if not rows.size:
         return np.empty((0, 2))

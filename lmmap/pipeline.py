@@ -115,14 +115,22 @@ class Estimator:
         )  # fmt: skip
 
     def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
-        """The ring's contour, free of lens distortion, and its arc coverage; or why there is none."""
-        points = ellipse.skeleton_points(mask, self.settings.mask_threshold)
-        if len(points) < self.settings.min_ring_pixels:
-            return Status.NO_RING, 0.0
-        points = undistort_points(points, self.camera)
-        fitted, inliers = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
-        if fitted is None:
-            return Status.NO_ELLIPSE, 0.0
+        """The ring's contour, free of lens distortion, and its arc coverage; or why there is none.
+
+        It is looked for among the mask's sure blobs, and if they hold none, in all of it.
+        """
+        for sure in (ellipse.SURE, 0.0):
+            points = ellipse.skeleton_points(mask, self.settings.mask_threshold, sure)
+            if len(points) < self.settings.min_ring_pixels:
+                status = Status.NO_RING
+                continue
+            points = undistort_points(points, self.camera)
+            fitted, inliers = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
+            if fitted is not None:
+                break
+            status = Status.NO_ELLIPSE
+        else:
+            return status, 0.0
         p = self.port
         stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
         found = contour.trace(fitted, mask, 1.5 * stroke_px, self.camera)

@@ -5,7 +5,7 @@ import pytest
 
 from lmmap.core import PAPER, Camera, InputError, Port, Pose, Status
 from lmmap.filters import Filter
-from lmmap.geometry import circle_ellipse, in_view, project, rotation_z
+from lmmap.geometry import circle_ellipse, ideal_masks, in_view, project, rotation_z
 from lmmap.metrics import normal_error_rad, position_error_m
 from lmmap.pipeline import (
     EDGE_PX,
@@ -62,6 +62,18 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
     if again.T_cam_port is not None:
         # in float32 sums go by where arrays lie in memory
         assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=1e-6)
+
+
+def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_sure_of(recording):
+    estimator, T = Estimator(modality="rgb"), recording.truth.T_cam_port[0]
+    ring = ideal_masks(T, estimator.port, recording.camera)[0]
+    mask = np.float32(0.6) * ring
+    mask[2:30, 2:30] = 1.0
+    found, coverage = estimator.find_ring(mask)
+    expected = circle_ellipse(T, estimator.port.ring_radius_m, recording.camera)
+    assert np.allclose(found.ellipse.semi_axes_px, expected.semi_axes_px, atol=0.5) and coverage > 0.9
+    assert estimator.find_ring(0 * mask) == (Status.NO_RING, 0.0)
+    assert estimator.find_ring(np.where(ring, 0, mask))[0] in (Status.NO_RING, Status.NO_ELLIPSE)
 
 
 def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):
