@@ -60,8 +60,9 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
     again = estimator(image, t_us)
     assert again.status == found[7].status
     if again.T_cam_port is not None:
-        # in float32 sums go by where arrays lie in memory
-        assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=1e-6)
+        # equal bits; but in float32 sums go by where arrays lie in memory
+        atol = 1e-6 if estimator.ring_filter.precision == "float32" else 0
+        assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=atol)
 
 
 def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_sure_of(recording):

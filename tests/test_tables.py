@@ -59,12 +59,8 @@ def test_seeds_stand_one_under_the_other():
     wide = tables.of_seeds(table)
     assert wide.shape == (4 * 3, 3 * 2) and wide.notna().all(axis=None)
     one = table.query("seed == 2 and light == 'high' and modality == 'event' and variant == 'exact'")
-    mm = (
-        1e3
-        * one.query("metric == 'position_error_m' and statistic == 'median'")[
-            ["value", "low", "high"]
-        ].to_numpy()[0]
-    )
+    one = one.query("metric == 'position_error_m' and statistic == 'median'")
+    mm = 1e3 * one[["value", "low", "high"]].to_numpy()[0]
     text = wide.loc[("position (mm)", "seed 2"), ("high light", "events")]
     assert [float(part) for part in re.findall(r"[0-9.]+", text)] == pytest.approx(mm, rel=0.005)
 

@@ -123,8 +123,8 @@ def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
     assert weights(longest) == resumed
     assert longest.command.endswith("--restart 3 5")
     assert [longer.phase(step) for step in range(5)] == [0, 1 / 3, 2 / 3, 0, 1 / 2]
-    for restart in ((5,), (0,), (3, 2)):
-        with pytest.raises(InputError, match="--restart"):
+    for restart, said in (((5,), "--restart 5"), ((0,), "--restart 0"), ((3, 2), "--restart 3 2")):
+        with pytest.raises(InputError, match=said):
             Recipe("ring", "event", steps=5, restart=restart)
 
 
