@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
 from . import photometry, resampling, sequences
 from .core import PAPER, Estimate, Port, Recording
@@ -107,30 +106,6 @@ def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed:
     return pd.DataFrame(
         rows, columns=["outlier_filter", "metric", "variant", "statistic", "value", "low", "high"]
     )
-
-
-def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
-    """Percent of `errors`' poses whose 95 % region holds the true pose, with its 95 % interval."""
-    table = pd.concat(tables, ignore_index=True)
-    known, inside = table.nees.notna(), table.nees < chi2.ppf(0.95, 6)
-    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
-    counts = resampling.block_counts([len(t) for t in tables], block, draws, rng)
-    low, high = resampling.interval(_percents(inside, known, counts))
-    return {"poses": int(known.sum()), "inside_95_percent": _percent((inside & known).sum(), known.sum()),
-            "low": low, "high": high}  # fmt: skip
-
-
-def versus(one: pd.DataFrame, other: pd.DataFrame, metric: str, draws: int, seed: int = 0) -> dict:
-    """How much larger the median of ``metric`` is in ``one`` than in ``other``, two tables of `errors` of one
-    sequence, over images of both at nearly the same time (50 ms), with its 95 % interval."""
-    left, right = (t[["t_us", metric]].dropna() for t in (one, other))
-    both = pd.merge_asof(left, right, on="t_us", direction="nearest", tolerance=50_000).dropna()
-    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
-    lengths = [len(both)] if len(both) else []
-    counts = resampling.block_counts(lengths, block, draws, rng)
-    a, b = both[f"{metric}_x"], both[f"{metric}_y"]
-    low, high = resampling.interval(resampling.medians(a, counts) - resampling.medians(b, counts))
-    return {"difference": a.median() - b.median(), "low": low, "high": high, "images": len(both)}
 
 
 def _percents(found, among, counts):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import joblib
 import pandas as pd
 
-from . import sequences, simulation
-from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, compare, coverage, errors, saturation, summary
+from . import accuracy, distributions, sequences, simulation
+from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES
 from .claims import claims
 from .core import PAPER, Estimate, Port, Recording
 from .dataset import BENCH
@@ -103,13 +104,13 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report) -> None:
         write_estimates(found["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
         for modality, some in found.items():
             if recording.truth is not None:
-                table = errors(recording, some, port)
+                table = accuracy.errors(recording, some, port)
                 save_table(folder / f"errors-{label(name, modality, gap)}.csv", table, **facts)
     if kind == "test":
         fits = filter_quality(recording, shipped_gaps())
         save_table(folder / f"filters-{name}.csv", fits, **facts)
     if recording.truth is not None:
-        shares_percent = saturation(recording, port)
+        shares_percent = accuracy.saturation(recording, port)
         save_table(folder / f"saturation-{name}.csv", shares_percent, **facts)
         values = shares_percent[["low", "high"]].mean().to_dict()
         save_json(folder / f"saturation-{name}.json", values, **facts)
@@ -144,19 +145,10 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
 
 
 def _tabulate(profile: str, folder: Path) -> None:
-    """Tables of the whole profile: cells with intervals, coverage, counts, filters, claims."""
-    cells, covered, counted, facts = [], [], [], {"profile": profile, "seed": SEED}
-    for light in LIGHTS:
-        names = _tests(profile, light)
-        for gap in DOMAIN_GAPS:
-            for modality in (*MODALITIES, "fused"):
-                tables = [pd.read_csv(folder / f"errors-{label(n, modality, gap)}.csv") for n in names]
-                where = {"light": light, "modality": modality, "training": f"{gap}-domain-gap"}
-                cell = summary(tables, DRAWS, SEED)
-                if modality == "fused":
-                    cell = cell[cell.variant == "exact"].replace({"variant": {"exact": "fused"}})
-                cells.append(cell.assign(**where))
-                covered.append({**where, **coverage(tables, DRAWS, SEED)})
+    """Tables of the whole profile: what `_of_errors` has, counts, saturation, filters, claims."""
+    parts = [_of_errors(profile, folder, light, gap) for light, gap in product(LIGHTS, DOMAIN_GAPS)]
+    tables = {name: pd.concat(part[name] for part in parts) for name in parts[0]}
+    counted = []
     for name in sequences_of(profile):
         for modality in (*MODALITIES, "fused"):
             found = read_estimates(folder / f"estimates-{name}-{modality}.csv")
@@ -165,16 +157,34 @@ def _tabulate(profile: str, folder: Path) -> None:
                 "ellipses": sum(e.ellipse is not None for e in found),
                 "poses": sum(e.T_cam_port is not None for e in found),
             })  # fmt: skip
-    saturated = pd.concat(_saturated(profile, folder, light) for light in LIGHTS)
+    facts = {"profile": profile, "seed": SEED, "draws": DRAWS, "block_s": BLOCK_S}
     fits = pd.concat(pd.read_csv(folder / f"filters-{name}.csv").assign(light=light)
                      for light in LIGHTS for name in _tests(profile, light))  # fmt: skip
-    tables = {"summary": pd.concat(cells), "coverage": pd.DataFrame(covered), "counts": pd.DataFrame(counted),
-              "saturation": saturated, "filters": medians(fits)}  # fmt: skip
+    saturated = pd.concat(_saturated(profile, folder, light) for light in LIGHTS)
+    tables |= {"counts": pd.DataFrame(counted), "saturation": saturated, "filters": medians(fits)}
     for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
         for name, table in tables.items():
-            save_table(target / f"{name}.csv", table, draws=DRAWS, block_s=BLOCK_S, **facts)
-        rows = claims(compare(target), tables["counts"], tables["saturation"])
+            save_table(target / f"{name}.csv", table, **facts)
+        rows = claims(accuracy.compare(target), tables["counts"], tables["saturation"])
         save_table(target / "claims.csv", rows, **facts)
+
+
+def _of_errors(profile: str, folder: Path, light: str, gap: str) -> dict[str, pd.DataFrame]:
+    """Tables of one light and domain gap: cells with intervals, what `distributions` has."""
+    of = {m: [pd.read_csv(folder / f"errors-{label(n, m, gap)}.csv") for n in _tests(profile, light)]
+          for m in (*MODALITIES, "fused")}  # fmt: skip
+    cells = {m: accuracy.summary(some, DRAWS, SEED) for m, some in of.items()}
+    cells["fused"] = cells["fused"].query("variant == 'exact'").assign(variant="fused")
+    every = {
+        "summary": cells,
+        "distribution": {m: distributions.distribution(some) for m, some in of.items()},
+        "answers": {m: distributions.answers(some) for m, some in of.items()},
+        "promise": {m: distributions.promise(some) for m, some in of.items()},
+        "coverage": {m: pd.DataFrame([distributions.coverage(some, DRAWS, SEED)]) for m, some in of.items()},
+    }
+    tables = {name: pd.concat(t.assign(modality=m) for m, t in by.items()) for name, by in every.items()}
+    tables["fusion"] = distributions.against_better(of, DRAWS, SEED)
+    return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
 
 
 def _saturated(profile: str, folder: Path, light: str) -> pd.DataFrame:

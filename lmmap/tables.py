@@ -83,7 +83,7 @@ def _digits(value: float) -> str:
 
 
 def of_coverage(covered: pd.DataFrame) -> pd.DataFrame:
-    """`accuracy.coverage` by ``modality`` and ``light`` in words: percent, in brackets its 95 % interval."""
+    """`distributions.coverage` by ``modality`` and ``light``: percent, in brackets its 95 % interval."""
     ends = zip(covered.inside_95_percent, covered.low, covered.high, strict=True)
     told = covered.replace({"modality": CAMERAS, "light": LIGHTS}).assign(
         text=[f"{value:.0f} ({low:.0f} to {high:.0f})" for value, low, high in ends]
@@ -91,6 +91,19 @@ def of_coverage(covered: pd.DataFrame) -> pd.DataFrame:
     wide = told.pivot(index="modality", columns="light", values="text")
     wide = wide.reindex(index=list(CAMERAS.values()), columns=list(LIGHTS.values()))
     return wide.rename_axis(index=None, columns=None)
+
+
+def of_fusion(apart: pd.DataFrame) -> pd.DataFrame:
+    """`distributions.against_better` by ``light`` in words: a row per light and median error, which camera is
+    the better one, and by how much the fused track is above it, in brackets the 95 % interval."""
+    rows = []
+    for row in apart.itertuples():
+        scale = 1e3 if row.metric == "position_error_m" else 1.0
+        value, low, high = scale * np.array([row.difference, row.low, row.high])
+        said = f"{value:+.2f} ({low:+.2f} to {high:+.2f})"
+        rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], said))
+    columns = ["light", "median error", "better camera", "fused minus better"]
+    return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
 
 
 def of_saturation(shares: pd.DataFrame, published_percent: np.ndarray):

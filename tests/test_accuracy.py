@@ -107,23 +107,3 @@ def test_intervals_hold_their_value_and_two_sequences_count_as_one(recording):
     median = some[(some.metric == "position_error_m") & (some.statistic == "median")].value.item()
     assert median == pytest.approx(one.position_error_m.median())
     pd.testing.assert_frame_equal(cells, accuracy.summary([one, one], draws=200))
-
-
-def test_coverage_counts_the_poses_inside():
-    table = pd.DataFrame({"nees": [0.0, 1.0, 100.0, np.nan]})
-    found = accuracy.coverage([table, table], draws=100)
-    assert (found["poses"], found["inside_95_percent"]) == (6, pytest.approx(200 / 3))
-    assert 0 <= found["low"] <= found["inside_95_percent"] <= found["high"] <= 100
-
-
-def test_versus_is_a_paired_difference():
-    t_us = np.arange(60) * 100_000
-    error = np.random.default_rng(2).uniform(0, 1, 60)
-    one = pd.DataFrame({"t_us": t_us, "e": error})
-    other = pd.DataFrame({"t_us": t_us + 20_000, "e": error + 0.25})
-    same, apart = accuracy.versus(one, one, "e", 100), accuracy.versus(other, one, "e", 100)
-    assert (same["difference"], same["low"], same["high"]) == (0, 0, 0)
-    assert [apart[k] for k in ("difference", "low", "high")] == pytest.approx([0.25] * 3)
-    late = other.assign(t_us=other.t_us + 10**9)
-    nothing = accuracy.versus(one, late, "e", 100)
-    assert nothing["images"] == 0 and np.isnan(nothing["low"])

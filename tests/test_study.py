@@ -85,6 +85,10 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert len(counts) == 3 * len(study.sequences_of("quick"))
     assert counts.loc[("empty-0", "fused"), "poses"] == 0 < counts.loc[("hard-slow", "fused"), "poses"]
     assert len(pd.read_csv(quick / "coverage.csv")) == 18
+    assert len(pd.read_csv(quick / "distribution.csv")) == 18 * 101
+    answers = pd.read_csv(quick / "answers.csv")
+    assert set(answers.status) == {"ok"} and (answers.in_view == 30).all() and len(answers) == 18
+    assert len(pd.read_csv(quick / "fusion.csv")) == 6 * 3
     fits = pd.read_csv(quick / "filters.csv")
     assert len(fits) == 3 * len(study.shipped_gaps()) and (fits.iou == 1).all() and (fits.images == 1).all()
     assert pd.read_csv(quick / "claims.csv").verdict.notna().all()

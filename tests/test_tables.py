@@ -120,3 +120,14 @@ def test_claims_lose_no_column():
 
 def test_every_status_has_its_words():
     assert set(tables.ANSWERS) == {str(status) for status in Status}
+
+
+def test_fusion_by_hand():
+    rows = [
+        ("low", "position_error_m", "event", -1.5e-3, -2e-3, 2.5e-4),
+        ("high", "normal_error_deg", "rgb", 0.5, 0, 1),
+    ]
+    apart = pd.DataFrame(rows, columns=["light", "metric", "better", "difference", "low", "high"])
+    table = tables.of_fusion(apart)
+    assert table.loc[("low light", "position (mm)")].tolist() == ["events", "-1.50 (-2.00 to +0.25)"]
+    assert table.loc[("high light", "normal (°)")].tolist() == ["frames", "+0.50 (+0.00 to +1.00)"]

@@ -1,0 +1,92 @@
+"""What else `accuracy.errors` of many images say: how they are distributed, whether the covariances held what
+they promised, and whether fusion helped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from scipy.stats import chi2
+
+from . import resampling
+from .accuracy import BLOCK_S, METRICS, MODALITIES
+from .core import PAPER
+
+
+def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
+    """Percent of `errors`' poses whose 95 % region holds the true pose, with its 95 % interval."""
+    table = pd.concat(tables, ignore_index=True)
+    known, inside = table.nees.notna(), table.nees < chi2.ppf(0.95, 6)
+    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
+    counts = resampling.block_counts([len(t) for t in tables], block, draws, rng)
+    once, drawn = (100 * resampling.shares(inside, known, c) for c in (np.ones((1, len(table)), int), counts))
+    low, high = resampling.interval(drawn)
+    return {"poses": int(known.sum()), "inside_95_percent": once[0], "low": low, "high": high}
+
+
+def distribution(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Quantiles of `errors`' poses: ``percent`` (0 to 100), a column per error, per error of the printed
+    formula (``paper_``), and of ``nees``; NaN where none has one."""
+    known = [*METRICS, *(f"paper_{metric}" for metric in METRICS), "nees"]
+    percent = np.arange(101)
+    found = pd.concat(tables)[known].quantile(percent / 100).reset_index(drop=True)
+    return found.assign(percent=percent)[["percent", *known]]
+
+
+def answers(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """How many images with the ring in view, ``in_view``, had which answer, ``status``."""
+    counts = pd.concat(tables).query("in_view").status.value_counts().sort_index()
+    return counts.rename("in_view").reset_index()
+
+
+def promise(tables: Sequence[pd.DataFrame], groups: int = 10) -> pd.DataFrame:
+    """Predicted and actual errors, of poses in ``groups`` of equal size by what was predicted.
+
+    Returns
+    -------
+    DataFrame
+        ``what`` (``position_m`` or ``normal_deg``), ``group``, the median ``predicted`` standard deviation
+        along the worst direction, the median ``error`` and its 95 % quantile ``most``.
+    """
+    table, rows = pd.concat(tables), []
+    for what, predicted, error in (
+        ("position_m", "position_sigma_m", "position_error_m"),
+        ("normal_deg", "normal_sigma_deg", "normal_error_deg"),
+    ):
+        known = table[[predicted, error]].dropna().sort_values(predicted)
+        for group, some in enumerate(np.array_split(known.to_numpy(), groups)):
+            if len(some):
+                rows.append((what, group, *np.median(some, axis=0), np.quantile(some[:, 1], 0.95)))
+    return pd.DataFrame(rows, columns=["what", "group", "predicted", "error", "most"])
+
+
+def versus(one: Sequence[pd.DataFrame], other: Sequence[pd.DataFrame], metric: str, draws: int,
+           seed: int = 0) -> dict:  # fmt: skip
+    """How much larger the median of ``metric`` is in ``one`` than in ``other``, `errors` of the same
+    sequences, over images of both at nearly the same time (50 ms), with its 95 % interval."""
+    known = [[t[["t_us", metric]].dropna() for t in tables] for tables in (one, other)]
+    pairs = [pd.merge_asof(*pair, on="t_us", direction="nearest", tolerance=50_000).dropna()
+             for pair in zip(*known, strict=True)]  # fmt: skip
+    both, lengths = pd.concat(pairs), [len(pair) for pair in pairs if len(pair)]
+    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
+    counts = resampling.block_counts(lengths, block, draws, rng)
+    a, b = both[f"{metric}_x"], both[f"{metric}_y"]
+    low, high = resampling.interval(resampling.medians(a, counts) - resampling.medians(b, counts))
+    return {"difference": a.median() - b.median(), "low": low, "high": high, "images": len(both)}
+
+
+def against_better(tables: Mapping[str, Sequence[pd.DataFrame]], draws: int, seed: int = 0) -> pd.DataFrame:
+    """`versus` of the fused track and the camera with the smaller median, by ``metric``; ``better`` names it.
+
+    Parameters
+    ----------
+    tables : `errors` of the same sequences, by modality and of ``fused``
+    """
+    rows = []
+    for metric in METRICS:
+        medians = {m: pd.concat(tables[m])[metric].median() for m in MODALITIES}
+        better = min(medians, key=medians.get)
+        apart = versus(tables["fused"], tables[better], metric, draws, seed)
+        rows.append({"metric": metric, "better": better, **apart})
+    return pd.DataFrame(rows)
