@@ -8,9 +8,12 @@ from lmmap import distributions
 
 
 def test_coverage_counts_the_poses_inside():
-    table = pd.DataFrame({"nees": [0.0, 1.0, 100.0, np.nan]})
+    nees, normal_deg = [0.0, 1.0, 100.0, 50.0, np.nan], [1.0, 9.0, 9.0, 1.0, 9.0]
+    table = pd.DataFrame({"nees": nees, "normal_error_deg": normal_deg, "rotation_error_deg": 10.0})
     found = distributions.coverage([table, table], draws=100)
-    assert (found["poses"], found["inside_95_percent"]) == (6, pytest.approx(200 / 3))
+    assert (found["poses"], found["inside_95_percent"], found["wrong_percent"]) == (8, 50, 25)
+    turned = distributions.coverage([table.assign(rotation_error_deg=60.0)], draws=100)
+    assert turned["wrong_percent"] == 50
     assert 0 <= found["low"] <= found["inside_95_percent"] <= found["high"] <= 100
 
 
