@@ -145,17 +145,20 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
 
 
 def _tabulate(profile: str, folder: Path) -> None:
-    """Tables of the whole profile: what `_of_errors` has, counts, saturation, filters, claims."""
+    """Tables of the whole profile: what `_of_errors` has, counts and median errors by sequence, saturation,
+    filters, claims."""
     parts = [_of_errors(profile, folder, light, gap) for light, gap in product(LIGHTS, DOMAIN_GAPS)]
     tables = {name: pd.concat(part[name] for part in parts) for name in parts[0]}
     counted = []
     for name in sequences_of(profile):
         for modality in (*MODALITIES, "fused"):
             found = read_estimates(folder / f"estimates-{name}-{modality}.csv")
+            known = folder / f"errors-{name}-{modality}.csv"
+            errors = pd.read_csv(known)[list(accuracy.METRICS)].median() if known.exists() else {}
             counted.append({
                 "sequence": name, "modality": modality, "images": len(found),
                 "ellipses": sum(e.ellipse is not None for e in found),
-                "poses": sum(e.T_cam_port is not None for e in found),
+                "poses": sum(e.T_cam_port is not None for e in found), **errors,
             })  # fmt: skip
     facts = {"profile": profile, "seed": SEED, "draws": DRAWS, "block_s": BLOCK_S}
     fits = pd.concat(pd.read_csv(folder / f"filters-{name}.csv").assign(light=light)

@@ -118,7 +118,8 @@ def of_saturation(shares: pd.DataFrame, published_percent: np.ndarray):
 
 
 def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
-    """Success in percent, styled: of ``counts`` by sequence and modality, for the titles of ``cases``."""
+    """Success in percent and median errors, styled: of ``counts`` by sequence and modality, for the titles of
+    ``cases``."""
     paper = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
     rows = []
     for (name, modality), c in counts[counts.index.isin(cases, level=0)].iterrows():
@@ -128,6 +129,7 @@ def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
             "ellipse, paper (%)": float(published.item()) if len(published) else np.nan,
             "ellipse, ours (%)": 100 * c.ellipses / c.images if modality != "fused" else np.nan,
             "pose, ours (%)": 100 * c.poses / c.images, "our images": c.images,
+            "off by (mm)": 1e3 * c.position_error_m, "normal (°)": c.normal_error_deg,
         })  # fmt: skip
     table = pd.DataFrame(rows).set_index(["case", "camera"]).rename_axis(index=(None, None))
     return table.style.format(precision=1, na_rep="–")

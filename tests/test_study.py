@@ -83,6 +83,7 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert (errors.ours_low <= errors.ours + 1e-12).all() and (errors.ours <= errors.ours_high + 1e-12).all()
     counts = pd.read_csv(quick / "counts.csv").set_index(["sequence", "modality"])
     assert len(counts) == 3 * len(study.sequences_of("quick"))
+    assert counts.loc[("test-low", "rgb"), "position_error_m"] == pytest.approx(1e-3)
     assert counts.loc[("empty-0", "fused"), "poses"] == 0 < counts.loc[("hard-slow", "fused"), "poses"]
     assert len(pd.read_csv(quick / "coverage.csv")) == 18
     assert len(pd.read_csv(quick / "distribution.csv")) == 18 * 101

@@ -44,9 +44,10 @@ def test_a_table_says_in_words_what_the_numbers_say(compared):
 def test_hard_cases_by_hand():
     index = pd.MultiIndex.from_product([["hard-slow", "test-low"], ["rgb", "fused"]])
     counts = pd.DataFrame({"images": 40, "ellipses": [30, 0, 9, 9], "poses": [20, 40, 9, 9]}, index)
+    counts = counts.assign(position_error_m=2e-3, normal_error_deg=[3.0, np.nan, 1, 1])
     table = tables.of_hard_cases(counts, {"hard-slow": "slow motion"}).data
     assert table.index.tolist() == [("slow motion", "frames"), ("slow motion", "fused")]
-    assert table.loc[("slow motion", "frames")].tolist() == [100, 75, 50, 40]
+    assert table.loc[("slow motion", "frames")].tolist() == [100, 75, 50, 40, 2, 3]
     assert table["ellipse, ours (%)"].isna().tolist() == [False, True]
 
 
