@@ -397,7 +397,7 @@ def test_real_recording_as_aedat_reads_it(real):
 def test_equal_recordings_make_equal_bytes(tmp_path):
     """Also where memory held other things between the fields of an event."""
     first = recording()
-    dirty = np.frombuffer(np.full(first.events.nbytes, 255, np.uint8), first.events.dtype).copy()
+    dirty = np.frombuffer(bytearray(b"\xff" * first.events.nbytes), first.events.dtype)
     for name in dirty.dtype.names:
         dirty[name] = first.events[name]
     assert dirty.tobytes() != first.events.tobytes()
