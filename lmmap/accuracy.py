@@ -85,8 +85,7 @@ def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed:
     """
     tables = [tables] if isinstance(tables, pd.DataFrame) else list(tables)
     table = pd.concat(tables, ignore_index=True)
-    block = round(BLOCK_S * rate_hz)
-    counts = resampling.block_counts([len(t) for t in tables], block, draws, np.random.default_rng(seed))
+    counts = drawn_counts([len(t) for t in tables], draws, seed, rate_hz)
     once, rows = np.ones((1, len(table)), int), []
 
     def row(name, statistic, function, *values):
@@ -106,6 +105,11 @@ def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed:
     return pd.DataFrame(
         rows, columns=["outlier_filter", "metric", "variant", "statistic", "value", "low", "high"]
     )
+
+
+def drawn_counts(lengths: Sequence[int], draws: int, seed: int, rate_hz: float = PAPER.rate_hz) -> np.ndarray:
+    """`resampling.block_counts` with blocks of `BLOCK_S`, of sequences of so many images at a rate."""
+    return resampling.block_counts(lengths, round(BLOCK_S * rate_hz), draws, np.random.default_rng(seed))
 
 
 def _percents(found, among, counts):

@@ -10,8 +10,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from . import resampling
-from .accuracy import BLOCK_S, METRICS, MODALITIES
-from .core import PAPER
+from .accuracy import METRICS, MODALITIES, drawn_counts
 
 WRONG_DEG = {"normal_error_deg": 5.0, "rotation_error_deg": 20.0}  # another ellipse; gaps taken for markers
 
@@ -21,13 +20,14 @@ def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
     that are outside and wrong by `WRONG_DEG`, ``wrong_percent``."""
     table = pd.concat(tables, ignore_index=True)
     known, inside = table.nees.notna(), table.nees < chi2.ppf(0.95, 6)
-    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
-    counts = resampling.block_counts([len(t) for t in tables], block, draws, rng)
-    once, drawn = (100 * resampling.shares(inside, known, c) for c in (np.ones((1, len(table)), int), counts))
-    low, high = resampling.interval(drawn)
-    wrong = known & ~inside & np.any([table[metric] > limit for metric, limit in WRONG_DEG.items()], axis=0)
-    return {"poses": int(known.sum()), "inside_95_percent": once[0], "low": low, "high": high,
-            "wrong_percent": 100 * wrong.sum() / max(known.sum(), 1)}  # fmt: skip
+    wrong = ~inside & np.any([table[metric] > limit for metric, limit in WRONG_DEG.items()], axis=0)
+    once, counts = np.ones((1, len(table)), int), drawn_counts([len(t) for t in tables], draws, seed)
+    inside_percent, wrong_percent = (
+        100 * resampling.shares(some, known, once)[0] for some in (inside, wrong)
+    )
+    low, high = resampling.interval(100 * resampling.shares(inside, known, counts))
+    return {"poses": int(known.sum()), "inside_95_percent": inside_percent, "low": low, "high": high,
+            "wrong_percent": wrong_percent}  # fmt: skip
 
 
 def distribution(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -73,9 +73,7 @@ def versus(one: Sequence[pd.DataFrame], other: Sequence[pd.DataFrame], metric: s
     known = [[t[["t_us", metric]].dropna() for t in tables] for tables in (one, other)]
     pairs = [pd.merge_asof(*pair, on="t_us", direction="nearest", tolerance=50_000).dropna()
              for pair in zip(*known, strict=True)]  # fmt: skip
-    both, lengths = pd.concat(pairs), [len(pair) for pair in pairs if len(pair)]
-    block, rng = round(BLOCK_S * PAPER.rate_hz), np.random.default_rng(seed)
-    counts = resampling.block_counts(lengths, block, draws, rng)
+    both, counts = pd.concat(pairs), drawn_counts([len(pair) for pair in pairs if len(pair)], draws, seed)
     a, b = both[f"{metric}_x"], both[f"{metric}_y"]
     low, high = resampling.interval(resampling.medians(a, counts) - resampling.medians(b, counts))
     return {"difference": a.median() - b.median(), "low": low, "high": high, "images": len(both)}
