@@ -20,6 +20,7 @@ from .tracking import certain, outlier_filter, sigmas
 from .trajectories import stacked
 
 LIGHTS, MODALITIES, DOMAIN_GAPS = ("low", "medium", "high"), ("rgb", "event"), ("low", "high")
+TRACKS = (*MODALITIES, "fused")  # whose estimates are judged
 METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
 VARIANTS = {  # prefix of the errors' columns, who is taken at all, whom the outlier filter keeps
     "exact": ("", None, "kept"),

@@ -16,8 +16,8 @@ from .geometry import circle_points_m, project
 from .pipeline import Estimator, images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
-COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "truth": "#009E73", "paper": "#CC79A7", "ours": "#56B4E9",
-          "rival": "#E69F00", "ink": "#7C7C7C"}  # fmt: skip
+COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "fused": "#009E73", "truth": "#009E73", "paper": "#CC79A7",
+          "ours": "#56B4E9", "rival": "#E69F00", "ink": "#7C7C7C"}  # fmt: skip
 
 LINES = ("rgb", "event", "truth", "paper", "rival")
 

@@ -64,8 +64,10 @@ def publish(folder: Path, target: Path, labels: dict[str, tuple[str, str]], rate
         path = target / f"{name}.jpg"
         path.unlink(missing_ok=True)
         if len(rows):
-            fig = draw(rows, folder, hz)
-            fig.savefig(path, dpi=110, facecolor="white")
+            with plt.rc_context():
+                figures.use_style()
+                fig = draw(rows, folder, hz)
+                fig.savefig(path, dpi=110, facecolor="white")
             plt.close(fig)
 
 

@@ -9,7 +9,7 @@ import joblib
 import pandas as pd
 
 from . import accuracy, distributions, sequences, simulation
-from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES
+from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 from .claims import claims
 from .core import PAPER, Estimate, Port, Recording
 from .dataset import BENCH
@@ -151,7 +151,7 @@ def _tabulate(profile: str, folder: Path) -> None:
     tables = {name: pd.concat(part[name] for part in parts) for name in parts[0]}
     counted = []
     for name in sequences_of(profile):
-        for modality in (*MODALITIES, "fused"):
+        for modality in TRACKS:
             found = read_estimates(folder / f"estimates-{name}-{modality}.csv")
             known = folder / f"errors-{name}-{modality}.csv"
             errors = pd.read_csv(known)[list(accuracy.METRICS)].median() if known.exists() else {}
@@ -175,7 +175,7 @@ def _tabulate(profile: str, folder: Path) -> None:
 def _of_errors(profile: str, folder: Path, light: str, gap: str) -> dict[str, pd.DataFrame]:
     """Tables of one light and domain gap: cells with intervals, what `distributions` has."""
     of = {m: [pd.read_csv(folder / f"errors-{label(n, m, gap)}.csv") for n in _tests(profile, light)]
-          for m in (*MODALITIES, "fused")}  # fmt: skip
+          for m in TRACKS}  # fmt: skip
     cells = {m: accuracy.summary(some, DRAWS, SEED) for m, some in of.items()}
     cells["fused"] = cells["fused"].query("variant == 'exact'").assign(variant="fused")
     every = {
