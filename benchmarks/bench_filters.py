@@ -13,8 +13,9 @@ import plain
 import torch
 
 from lmmap.core import PAPER
+from lmmap.estimator import Estimator, markers_box_px
 from lmmap.filters import FILTERS, PRECISIONS, best_precision
-from lmmap.pipeline import Estimator, images, markers_box_px
+from lmmap.pipeline import images
 from lmmap.quality import iou
 from lmmap.recordings import open_recording
 from lmmap.results import DATA

@@ -23,9 +23,10 @@ import torch
 from lmmap import circle, ellipse, yaw
 from lmmap.contour import Contour
 from lmmap.core import PAPER
+from lmmap.estimator import Estimator
 from lmmap.events import histogram
 from lmmap.filters import FILTERS
-from lmmap.pipeline import Estimator, answered, images
+from lmmap.pipeline import Shot, answered, images
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -114,7 +115,7 @@ def main() -> None:
             print(f"  {stage:24}" + "".join(cells))
         print(f"  {'image to pose':24}{a:8.2f}{b:8.2f}")
         start = time.perf_counter()
-        for _ in answered(enumerate(LAPS * shots), estimator):
+        for _ in answered((Shot(k, image) for k, image in enumerate(LAPS * shots)), estimator):
             pass
         each = 1e3 * (time.perf_counter() - start) / (LAPS * len(shots)) + bin_ms
         good = 1e3 / each >= goal and b / each >= LEAST_RATIO

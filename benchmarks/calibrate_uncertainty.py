@@ -7,8 +7,11 @@ factor of a covariance with which 95 % of the true poses lie in the 95 % region.
 constants ``uncertainty.INFLATION`` (of the ring alone), ``yaw.YAW_INFLATION`` (the larger one),
 ``joint.MARKER_SIGMA_PX`` and ``joint.INFLATION``.  A marker's standard deviation is the one with the best
 logarithmic score of the true poses under the inflated covariances, which rewards small errors and honest
-covariances alike.  The sequences are many and short, for errors of one view are alike.  The table is kept in
-data/results/uncertainty.csv, the simulated recordings in data/derived/calibration.
+covariances alike.  ``yaw.YAW_MARGIN`` is the lowest margin above which at most `OTHER_PERCENT` of the poses
+have another yaw than the true one (the larger of the two).  The sequences are many and short, for errors of
+one view are alike.  The table is kept in data/results/uncertainty.csv, what the constants make of it in each
+light in calibration.csv beside it (so run it again once they are set), the simulated recordings in
+data/derived/calibration.
 """
 
 from __future__ import annotations
@@ -16,19 +19,22 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from scipy.stats import chi2
+from tqdm import tqdm
 
 from lmmap import joint, sequences, uncertainty, yaw
 from lmmap.contour import Contour
 from lmmap.core import Port, Pose
+from lmmap.estimator import Estimator
 from lmmap.geometry import in_view
 from lmmap.metrics import normal_error_rad, pose_difference, position_error_m
-from lmmap.pipeline import Estimator, images
+from lmmap.pipeline import images
 from lmmap.recordings import open_recording, write_npz
 from lmmap.results import DATA, DERIVED, save_table
 
-SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
+SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
 SECONDS, RATE_HZ = 1.6, 5.0
 MARKER_SIGMAS_PX = (0.5, 0.7, 1.0, 1.4, 1.7, 2.0, 2.8, 4.0)
+YAW_MARGINS, OTHER_PERCENT = np.arange(0, 0.51, 0.05).round(2), 1.0
 WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and how wrong does not matter
 
 
@@ -96,44 +102,82 @@ def row(modality, marker_sigma_px, values, differences, covariances, marker_scor
             "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **told}  # fmt: skip
 
 
-def calibrate(modality: str) -> pd.DataFrame:
+def other_yaws(margins, turned_rad, port: Port) -> tuple[float, float]:
+    """The lowest of `YAW_MARGINS` above which at most `OTHER_PERCENT` of the yaws (N,) are another one than
+    the true yaw, and the percentage then."""
+    other = np.abs(turned_rad) > yaw.ELSEWHERE * port.yaw_period_rad
+    shares = [100 * np.mean(other[np.asarray(margins) >= least]) for least in YAW_MARGINS]
+    at = int(np.argmax(np.array(shares) <= OTHER_PERCENT))
+    return float(YAW_MARGINS[at]), float(shares[at])
+
+
+def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
     """Rows without (NaN) and with joint refinement, for each standard deviation of a marker's edge."""
-    estimator = Estimator(modality=modality)
-    camera, port = estimator.camera, estimator.port
-    cases = [case for name in SEQUENCES for case in measured(estimator, name)]
-    ring_nees, yaw_ratio, right = [], [], []
-    for ring, _, fit, truth in cases:
+    modality, camera, port = estimator.modality, estimator.camera, estimator.port
+    ring_nees, ring_scores, yaw_ratio, right, margins, turned = [], [], [], [], [], []
+    sigma_px = [estimator.sigma_px(ring) / np.sqrt(uncertainty.INFLATION[modality]) for ring, *_ in cases]
+    for (ring, _, fit, truth), known_px in zip(cases, sigma_px, strict=True):
         right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
         T = fit.T_cam_port if right[-1] else fit.rival
-        known = uncertainty.pose_uncertainty(T, ring.points_px, ring.sigma_px, port.ring_radius_m, camera)
+        known = uncertainty.pose_uncertainty(T, ring.points_px, known_px, port.ring_radius_m, camera)
         ring_nees.append(uncertainty.chart_nees(T, truth, known.chart, port.ring_radius_m, camera))
+        ring_scores.append(np.linalg.slogdet(known.chart)[1])
         if right[-1]:
-            turned = difference(T, truth, port)[3:] @ T.normal
-            yaw_ratio.append(abs(turned) * yaw.YAW_INFLATION / fit.sigma_rad)
+            margins.append(fit.yaw_margin)
+            turned.append(difference(T, truth, port)[3:] @ T.normal)
+            if fit.yaw_known:
+                yaw_ratio.append(abs(turned[-1]) * yaw.YAW_INFLATION / fit.sigma_rad)
     inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
     rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [], [], [])]
-    for sigma_px in MARKER_SIGMAS_PX:
+    for marker_px in MARKER_SIGMAS_PX:
         differences, covariances, faintness, after = [], [], [], []
-        for ring, reflectors, fit, truth in cases:
-            found = joint.refine(fit.T_cam_port, ring.points_px, reflectors, port, camera,
-                                 ring.sigma_px * np.sqrt(inflation), sigma_px)  # fmt: skip
+        for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
+            ring_px = known_px * np.sqrt(inflation)
+            found = fit.yaw_known and joint.refine(
+                fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_px, marker_px
+            )
             T = found.T_cam_port if found else fit.T_cam_port
             after.append(errors(T, truth))
             if found:
                 differences.append(difference(T, truth, port))
                 covariances.append(found.covariance)
                 faintness.append(fit.score)
-        rows.append(row(modality, sigma_px, after, differences, covariances, faintness))
+        rows.append(row(modality, marker_px, after, differences, covariances, faintness))
+    margin, other_percent = other_yaws(margins, turned, port)
+    nees = np.minimum(np.array(ring_nees) / inflation, WORST)
+    ring_score = -(nees + ring_scores + 5 * np.log(inflation)) / 2
     return pd.DataFrame(rows).assign(
         images=len(cases), normal_right_percent=100 * np.mean(right), inflation=inflation,
-        inflation_by_median=np.median(ring_nees) / chi2.ppf(0.5, 5),
-        yaw_inflation=np.quantile(yaw_ratio, 0.95) / 1.96)  # fmt: skip
+        inflation_by_median=np.median(ring_nees) / chi2.ppf(0.5, 5), ring_score=np.mean(ring_score),
+        yaw_inflation=np.quantile(yaw_ratio, 0.95) / 1.96, yaw_margin=margin,
+        other_yaw_percent=other_percent)  # fmt: skip
+
+
+def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:
+    """Of the poses that the module gives, by light: how many true ones lie inside the 95 % region."""
+    rows = []
+    for (ring, reflectors, fit, truth), light in zip(cases, lights, strict=True):
+        T, covariance, _ = estimator.refine(fit, ring, reflectors)
+        d = difference(T, truth, estimator.port)
+        inside = d @ np.linalg.solve(covariance, d) < chi2.ppf(0.95, 6)
+        rows.append({"modality": estimator.modality, "light": light, "inside_percent": 100 * inside})
+    inside_percent = pd.DataFrame(rows).groupby(["modality", "light"]).inside_percent
+    return inside_percent.agg(poses="size", inside_percent="mean").reset_index()
 
 
 def main() -> None:
-    table = pd.concat([calibrate(modality) for modality in ("rgb", "event")], ignore_index=True)
-    print(table.round(2).T.to_string())
+    tables, reached = [], []
+    for modality in ("rgb", "event"):
+        estimator = Estimator(modality=modality)
+        of = {name: list(measured(estimator, name)) for name in tqdm(SEQUENCES, modality, disable=None)}
+        cases = [case for some in of.values() for case in some]
+        lights = [sequences.sequence(name).light for name, some in of.items() for _ in some]
+        tables.append(calibrate(estimator, cases))
+        reached.append(by_light(estimator, cases, lights))
+    table, lit = pd.concat(tables, ignore_index=True), pd.concat(reached, ignore_index=True)
+    print(table.round(2).T.to_string(), lit.round(1).to_string(), sep="\n")
     save_table(DATA / "results" / "uncertainty.csv", table, sequences=SEQUENCES)
+    save_table(DATA / "results" / "calibration.csv", lit, sequences=SEQUENCES)
 
 
 if __name__ == "__main__":

@@ -17,15 +17,16 @@ import numpy as np
 import pandas as pd
 from calibrate_uncertainty import RATE_HZ, SEQUENCES, recording
 from tqdm import tqdm
-from tune_fusion import RIGHT_M, RIGHT_RAD
 
 from lmmap import ellipse, yaw
 from lmmap.contour import Contour
 from lmmap.core import PAPER, Port, Pose
+from lmmap.estimator import Estimator
 from lmmap.geometry import in_view
 from lmmap.metrics import normal_error_rad, position_error_m, rotation_error_rad
-from lmmap.pipeline import Estimator, images
+from lmmap.pipeline import images
 from lmmap.results import DATA, save_table
+from lmmap.tracking import RIGHT_M, RIGHT_RAD
 
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
 MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)

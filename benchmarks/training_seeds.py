@@ -17,8 +17,9 @@ import pandas as pd
 from lmmap import sequences, study, training
 from lmmap.accuracy import LIGHTS, MODALITIES, errors, summary
 from lmmap.core import Port
+from lmmap.estimator import Estimator
 from lmmap.filters import FILTERS, load_card, weight_path
-from lmmap.pipeline import Estimator, estimate
+from lmmap.pipeline import estimate
 from lmmap.recipes import Recipe
 from lmmap.results import DERIVED, fingerprint, save_table
 

@@ -23,9 +23,9 @@ from validation_conditions import CONDITIONS, cases
 
 from lmmap import augment, dataset, training
 from lmmap.contour import Contour
+from lmmap.estimator import Estimator
 from lmmap.filters import CHANNELS, load_card, load_filter, shipped_gaps, weight_path
 from lmmap.geometry import circle_ellipse
-from lmmap.pipeline import Estimator
 from lmmap.quality import iou
 from lmmap.recipes import Recipe
 from lmmap.results import DATA, DERIVED, load_table, save_table

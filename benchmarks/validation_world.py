@@ -17,8 +17,9 @@ import numpy as np
 from lmmap import dataset, laboratory, materials, scene, sequences, shading
 from lmmap.core import EVENT, PAPER, Camera, Port, Pose, Recording, Trajectory
 from lmmap.dvs import Sensor
+from lmmap.estimator import fitting
 from lmmap.geometry import in_view
-from lmmap.pipeline import fitting, images
+from lmmap.pipeline import images
 from lmmap.results import DERIVED
 
 SEQUENCES = [f"realistic-{i}" for i in range(1201, 1210)]

@@ -21,7 +21,7 @@ __all__ = ["PAPER", "Camera", "Ellipse", "Estimate", "Estimator", "InputError", 
 
 def __getattr__(name: str):
     if name == "Estimator":  # torch takes seconds to import, and only the estimator needs it
-        from .pipeline import Estimator
+        from .estimator import Estimator
 
         return Estimator
     raise AttributeError(f"module 'lmmap' has no attribute {name!r}")

@@ -14,9 +14,10 @@ from tqdm import tqdm
 
 from . import accuracy, dataset, odometry, published, rigging, transforms
 from .core import Estimate, InputError, Port
+from .estimator import Estimator, fitting
 from .filters import FILTERS, weight_path
 from .journal import Journal
-from .pipeline import Estimator, answered, fitting, images
+from .pipeline import answered, shots
 from .published import Bag
 from .recordings import open_stream
 from .results import DERIVED, fingerprint, save_json, save_table
@@ -31,8 +32,8 @@ CALIBRATED_ON = 1000  # detections, spread over the bags; of short ones every fr
 def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> list[Estimate]:
     """Estimates of a bag's images, each on disk as it comes; an interrupted call goes on."""
     with Journal(kept, resume=True) as journal:
-        shots = images(stream, estimator.modality, estimator.settings, rate_hz)
-        left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+        every = shots(stream, estimator.modality, estimator.settings, rate_hz)
+        left = (shot for shot in every if not any(map(journal.has, shot.times_us)))
         try:
             for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
                 journal.add(one)

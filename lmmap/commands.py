@@ -15,6 +15,7 @@ import numpy as np
 
 from . import accuracy, live, pipeline, rig
 from .core import Camera, Estimate, InputError, Port
+from .estimator import Estimator, fitting
 from .fusion import fuse
 from .journal import Journal
 from .overlay import Overlay
@@ -31,15 +32,15 @@ def opened(a, **options) -> Stream:
     return open_stream(a.recording, Camera.load(a.camera) if a.camera else None, **options)
 
 
-def _estimator(a, camera: Camera, modality: str) -> pipeline.Estimator:
+def _estimator(a, camera: Camera, modality: str) -> Estimator:
     if a.rate is not None and not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
     if a.events is not None and a.events < 1:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, at least 1")
     known = None if a.port else _rig_of(a.recording)
     port = Port.load(a.port) if a.port else known.port if known else Port.lm_map()
-    settings = pipeline.fitting(camera, a.events)
-    return pipeline.Estimator(camera, port, modality, a.weights or a.domain_gap, settings)
+    settings = fitting(camera, a.events)
+    return Estimator(camera, port, modality, a.weights or a.domain_gap, settings)
 
 
 def _rig_of(recording) -> rig.Rig | None:
@@ -69,8 +70,8 @@ def estimate(a) -> None:
         kept, poses = len(journal.statuses), 0
         try:
             with Bar(stream, a.modality) as bar:
-                shots = pipeline.images(stream, a.modality, settings, a.rate)
-                left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+                shots = pipeline.shots(stream, a.modality, settings, a.rate)
+                left = (shot for shot in shots if not any(map(journal.has, shot.times_us)))
                 for image, one in pipeline.answered(left, estimator):
                     journal.add(one)
                     if a.video:
@@ -113,9 +114,9 @@ def _estimate_fused(a, stream: Stream) -> None:
 
 def _kept(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
-    shots = pipeline.images(stream, estimator.modality, estimator.settings, rate_hz)
+    shots = pipeline.shots(stream, estimator.modality, estimator.settings, rate_hz)
     yield from journal.done.values()
-    left = ((t_us, image) for t_us, image in shots if not journal.has(t_us))
+    left = (shot for shot in shots if not any(map(journal.has, shot.times_us)))
     for _, one in pipeline.answered(left, estimator):
         journal.add(one)
         yield as_read(one)
@@ -216,7 +217,7 @@ def live_(a) -> None:
     with Journal(a.output) if a.output else nullcontext() as journal:
         try:
             for shot in live.newest(device, a.modality, estimator.settings.events_per_window):
-                one = estimator(shot.image, shot.t_us)
+                _, one = pipeline.looked(estimator, shot)
                 late_ms.append((device.now_us() - shot.newest_us) * 1e-3)
                 statuses.append(str(one.status))
                 skipped += shot.skipped

@@ -19,11 +19,12 @@ from .geometry import conic_from_ellipse, distort_points, ellipse_from_conic
 @dataclass(frozen=True)
 class Contour:
     """An ellipse and the points (M, 2) it was fitted to, both undistorted, with the points' standard
-    deviation about it in pixels."""
+    deviation about it in pixels, and the mask's mean along it, `score`."""
 
     ellipse: Ellipse
     points_px: np.ndarray
     sigma_px: float
+    score: float = 1.0
 
 
 def trace(
@@ -69,6 +70,14 @@ def trace(
         centroid = (weight[good] @ offsets / mass[good])[:, None]
         ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, rounds)
     return Contour(ellipse, (points[good] + centroid * rays[good])[inlier], sigma_px)
+
+
+def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
+    """Mean of a mask (H, W) along an undistorted ellipse, zero outside the image."""
+    points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
+    points = distort_points(points, camera) if camera else points
+    grid, mask = points[None].astype(np.float32), np.asarray(mask, np.float32)
+    return float(cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).mean())
 
 
 def on_points(ellipse: Ellipse, points_px) -> Contour:

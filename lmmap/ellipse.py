@@ -30,7 +30,7 @@ def binarised(mask, threshold: float = PAPER.mask_threshold, sure: float | None 
     mask's highest value: hysteresis, which drops weak blobs and keeps the weak ends of strong ones."""
     mask = np.asarray(mask, np.float32)
     high = (SURE if sure is None else sure) * mask.max(initial=0)
-    return apply_hysteresis_threshold(mask, threshold, max(high, threshold))
+    return apply_hysteresis_threshold(mask, threshold, high) if high > threshold else mask > threshold
 
 
 def skeleton_points(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:

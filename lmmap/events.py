@@ -8,6 +8,8 @@ import numpy as np
 
 from .core import EVENT, PAPER
 
+WIDER = 2  # times N: what is looked at where N show no port, by `python benchmarks/choose_look.py`
+
 
 def windows(events, count: int = PAPER.events_per_window) -> list[slice]:
     """Consecutive half-open windows of exactly ``count`` events.
@@ -31,21 +33,27 @@ def joined(chunks: Iterable[np.ndarray]) -> np.ndarray:
     )
 
 
-def windows_of(chunks: Iterable[np.ndarray], count: int = PAPER.events_per_window) -> Iterator[np.ndarray]:
-    """`windows` of a stream: yields exactly ``count`` events at a time, whatever the chunks."""
+def windows_of(
+    chunks: Iterable[np.ndarray], count: int = PAPER.events_per_window, times: int = 1
+) -> Iterator[np.ndarray]:
+    """`windows` of a stream, whatever the chunks: yields exactly ``count`` events at a time, and before them
+    those that came before, up to ``times`` as many in all."""
     _check_count(count)
-    rest = np.zeros(0, EVENT)
+    recent, seen = np.zeros(0, EVENT), 0
     for chunk in chunks:
-        rest = joined([rest, chunk]) if len(rest) else chunk
-        for s in (found := windows(rest, count)):
-            yield rest[s]
-        rest = rest[count * len(found) :]
+        recent = joined([recent, chunk]) if len(recent) else chunk
+        for stop in range(seen + count, len(recent) + 1, count):
+            yield recent[max(0, stop - times * count) : stop]
+            seen = stop
+        old = max(0, seen - (times - 1) * count)
+        recent, seen = recent[old:], seen - old
 
 
 def windows_at(
-    chunks: Iterable[np.ndarray], rate_hz: float, count: int = PAPER.events_per_window
+    chunks: Iterable[np.ndarray], rate_hz: float, count: int = PAPER.events_per_window, times: int = 1
 ) -> Iterator[np.ndarray]:
-    """`windows_before` of a stream at ticks of ``rate_hz`` between its first and last event."""
+    """`windows_before` of a stream at ticks of ``rate_hz`` between its first and last event, and before
+    their events those that came before, up to ``times`` as many in all."""
     _check_count(count)
     recent, tick, first_us = np.zeros(0, EVENT), 1, None
     for chunk in chunks:
@@ -57,10 +65,10 @@ def windows_at(
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (found,) = windows_before(recent, [tick_us], count)
             if found is not None:
-                yield recent[found]
+                yield recent[max(0, found.stop - times * count) : found.stop]
             tick += 1
         # a coming tick is no earlier than the last event
-        recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - count) :]
+        recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - times * count) :]
 
 
 def windows_before(events, t_us, count: int = PAPER.events_per_window) -> list[slice | None]:
@@ -100,6 +108,18 @@ def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
     index = y.astype(np.intp) * width + x
     counts = np.bincount(index, minlength=width * height).reshape(height, width)
     return np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
+
+
+def looks(events, count: int, size_px: tuple[int, int], after_us: int | None = None) -> list[tuple]:
+    """``(t_us, histogram)`` of the last ``count`` of a window's events and, where they are `WIDER` times as
+    many, of all, if that lies after ``after_us``; a histogram's time is the middle of its events' span."""
+    wider = [events] if len(events) == WIDER * count else []
+    found = []
+    for some in (events[-count:], *wider):
+        middle_us = (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2
+        if not found or after_us is None or middle_us > after_us:
+            found.append((middle_us, histogram(some["x"], some["y"], size_px)))
+    return found
 
 
 def _check_count(count: int) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from . import accuracy, campaign, intrinsics, pipeline, published, rigging, sidebyside, standin, transforms
+from . import accuracy, campaign, intrinsics, published, rigging, sidebyside, standin, transforms
 from .core import Camera, InputError, Port
+from .estimator import Estimator, fitting
 from .filters import CHANNELS, FILTERS, weight_path
 from .recipes import Recipe
 from .recordings import open_stream
@@ -110,9 +111,7 @@ def calibrate(a) -> None:
     motions = [transforms.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
     for path, motion in zip(a.bags, motions, strict=True):  # an arm that is missing is said before the work
         stream = open_stream(path, camera)
-        estimator = pipeline.Estimator(
-            stream.camera, port, a.modality, "low", pipeline.fitting(stream.camera)
-        )
+        estimator = Estimator(stream.camera, port, a.modality, "low", fitting(stream.camera))
         kept = output.with_name(f"{output.stem}.{path.stem}-{a.modality}.csv")
         kept = campaign.kept_in(kept, path, a.rate, stream.camera)
         estimates = campaign.detect(stream, estimator, a.rate, kept)

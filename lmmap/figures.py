@@ -12,8 +12,9 @@ from pandas.io.formats.style import Styler
 
 from . import tables
 from .core import Camera, Ellipse, Estimate, Port, Pose, Recording
+from .estimator import Estimator
 from .geometry import circle_points_m, project
-from .pipeline import Estimator, images
+from .pipeline import images
 
 # colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
 COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "fused": "#009E73", "truth": "#009E73", "paper": "#CC79A7",

@@ -12,7 +12,7 @@ from . import figures
 from .accuracy import MODALITIES
 from .core import Port
 from .metrics import position_error_m
-from .pipeline import images
+from .pipeline import shots
 from .recordings import open_recording, read_estimates
 from .tables import ANSWERS, CAMERAS
 
@@ -91,7 +91,9 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = 5):
         recording = open_recording(folder / f"{name}.npz")
         answers = {e.t_us: e for e in read_estimates(folder / f"estimates-{label}.csv")}
         wanted = set(some.t_us)
-        for t_us, image in images(recording, modality, rate_hz=rate_hz):
+        every = shots(recording, modality, rate_hz=rate_hz)
+        looks = (look for shot in every for look in ((shot.t_us, shot.image), shot.wider) if look)
+        for t_us, image in looks:
             if t_us not in wanted:
                 continue
             ax, answer = at[label, t_us], answers[t_us]

@@ -16,17 +16,19 @@ import numpy as np
 
 from .aedat4 import rgb
 from .core import EVENT, InputError
-from .events import histogram, joined
+from .events import WIDER, joined, looks
 from .streams import Stream
 
 
 class Shot(NamedTuple):
-    """An image, the times of it and of its newest event (us), and how many were skipped before it."""
+    """An image, the times of it and of its newest event (us), and how many were skipped before it; of
+    events also the time and image of `WIDER` times as many, or None."""
 
     t_us: int
     image: np.ndarray
     newest_us: int
     skipped: int
+    wider: tuple[int, np.ndarray] | None = None
 
 
 class Played:
@@ -107,8 +109,8 @@ class Attached:
 
 def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator[Shot]:
     """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
-    the device runs."""
-    recent, fresh, skipped = np.zeros(0, EVENT), 0, 0
+    the device runs; a wider one where its time is after the shot before."""
+    recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
     while device.running():
         if not (pending := device.pending(modality)):
             time.sleep(wait_s)
@@ -118,11 +120,11 @@ def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator
             yield Shot(t_us, frame, t_us, len(pending) - 1)
             continue
         fresh += sum(len(chunk) for chunk in pending)
-        recent = joined([recent, *pending])[-count:]
+        recent = joined([recent, *pending])[-WIDER * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue
         skipped, fresh = fresh // count - 1, 0
-        middle_us = (int(recent["t_us"][0]) + int(recent["t_us"][-1])) // 2
-        image = histogram(recent["x"], recent["y"], device.size_px)
-        yield Shot(middle_us, image, int(recent["t_us"][-1]), skipped)
+        first, *wider = looks(recent, count, device.size_px, before_us)
+        yield Shot(*first, int(recent["t_us"][-1]), skipped, *wider)
+        before_us = first[0]

@@ -10,6 +10,7 @@ from skimage.morphology import skeletonize
 
 from . import ellipse, pipeline, sequences
 from .core import PAPER, Camera, Port, Pose, Recording, Settings
+from .estimator import markers_box_px
 from .filters import FILTERS, load_filter, weight_path
 from .geometry import circle_points_m, in_view, project
 from .shading import ray_grid
@@ -96,7 +97,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
 
 def _around(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
     """Boolean image of the box in which the pipeline looks for the markers of a pose."""
-    low, high = pipeline.markers_box_px(T_cam_port[None], port, camera)
+    low, high = markers_box_px(T_cam_port[None], port, camera)
     u, v = np.arange(camera.width_px), np.arange(camera.height_px)
     return np.outer((v >= low[1]) & (v <= high[1]), (u >= low[0]) & (u <= high[0]))
 

@@ -13,9 +13,10 @@ from .accuracy import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 from .claims import claims
 from .core import PAPER, Estimate, Port, Recording
 from .dataset import BENCH
+from .estimator import Estimator
 from .filters import shipped_gaps
 from .fusion import fuse
-from .pipeline import Estimator, estimate, in_time
+from .pipeline import estimate, in_time
 from .quality import filter_quality, medians
 from .recordings import open_recording, read_estimates
 from .results import DATA, DERIVED, fingerprint, save_json, save_table
@@ -24,7 +25,7 @@ from .trajectories import write_estimates
 OF_ESTIMATES = [  # what `pipeline` and `trajectories` are made of
     f"lmmap/{name}.py"
     for name in ("calibration", "core", "geometry", "conics", "events", "ellipse", "contour", "circle", "yaw",
-                 "uncertainty", "joint", "filters", "streams", "pipeline", "trajectories")
+                 "uncertainty", "joint", "filters", "streams", "estimator", "pipeline", "trajectories")
 ]  # fmt: skip
 TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds

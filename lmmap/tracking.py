@@ -9,9 +9,7 @@ import numpy as np
 from .core import PAPER, Estimate, Settings
 from .geometry import rotation_between_rad
 
-# 99 of 100 good estimates keep these, by `python benchmarks/tune_fusion.py`
-MAX_POSITION_SIGMA_M = 0.0119
-MAX_NORMAL_SIGMA_RAD = float(np.deg2rad(3.9))
+RIGHT_M, RIGHT_RAD = 0.020, float(np.deg2rad(5.0))  # errors of a pose that one may dock on
 
 
 def outlier_filter(
@@ -46,7 +44,7 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
     return tuple(float(np.sqrt(max(w, 0))) for w in worst)
 
 
-def certain(estimates: Sequence[Estimate], limits=(MAX_POSITION_SIGMA_M, MAX_NORMAL_SIGMA_RAD)) -> np.ndarray:
-    """Which estimates say themselves that they are good, shape (N,) bool: their `sigmas` keep the limits."""
-    return np.array([e.T_cam_port is not None and np.all(np.less_equal(sigmas(e), limits))
+def certain(estimates: Sequence[Estimate], limits=(RIGHT_M, RIGHT_RAD), sure: float = 1.96) -> np.ndarray:
+    """Which estimates promise to be right, shape (N,) bool: their `sigmas` keep the limits ``sure`` times."""
+    return np.array([e.T_cam_port is not None and np.all(sure * np.array(sigmas(e)) <= limits)
                      for e in estimates], bool)  # fmt: skip

@@ -17,6 +17,8 @@ from .geometry import project, rotation_z
 
 # by `python benchmarks/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
 YAW_INFLATION = 0.84
+YAW_MARGIN = 0.15  # below, another yaw is as good: by the same script
+ELSEWHERE = 0.25  # of a period: a yaw that far from the best is another one
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,9 @@ class YawFit:
 
     Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` says how sure
     the choice of the normal is: by how much of its own size the criterion falls from the better normal
-    to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal.
+    to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal, and ``yaw_margin`` by
+    how much of its own size the correlation falls to the best of the other yaws; below `YAW_MARGIN` the yaw
+    is not known.
     """
 
     T_cam_port: Pose
@@ -34,6 +38,11 @@ class YawFit:
     rival_score: float
     margin: float = 0.0
     sigma_rad: float = np.inf
+    yaw_margin: float = 0.0
+
+    @property
+    def yaw_known(self) -> bool:
+        return self.yaw_margin >= YAW_MARGIN
 
 
 def paper_yaw(
@@ -87,13 +96,15 @@ def fast_yaw(
     correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
     yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
+    yaw_margin = _margin(correlation)
     poses = _turned(T_cam_port, yaw_rad)
 
     outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
     mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
     sigma_rad = YAW_INFLATION * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
     unknown_rad = port.yaw_period_rad / np.sqrt(12)
-    return _fit(poses, mean * np.sqrt(area), mean, np.minimum(sigma_rad, unknown_rad))
+    sigma_rad = np.where(yaw_margin >= YAW_MARGIN, np.minimum(sigma_rad, unknown_rad), unknown_rad)
+    return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
 
 
 def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
@@ -169,11 +180,21 @@ def _area_px(corners_px):
     return np.nan_to_num(np.abs(cross.sum(-1)).sum(-1) / 2)
 
 
-def _fit(poses: Pose, criterion, score, sigma_rad=(np.inf, np.inf)) -> YawFit:
+def _fit(poses: Pose, criterion, score, sigma_rad=(np.inf, np.inf), yaw_margin=(0.0, 0.0)) -> YawFit:
     best = int(np.argmax(criterion))
     margin = 1 - criterion[1 - best] / criterion[best] if criterion[best] > 0 else 0.0
     return YawFit(poses[best], float(score[best]), poses[1 - best], float(score[1 - best]), float(margin),
-                  float(sigma_rad[best]))  # fmt: skip
+                  float(sigma_rad[best]), float(yaw_margin[best]))  # fmt: skip
+
+
+def _margin(correlation) -> np.ndarray:
+    """By how much of its own size a correlation (N, yaws) falls from its peak to its highest value at least
+    `ELSEWHERE` of the period away, (N,) in [0, 1]; 0 where nothing correlates."""
+    count = correlation.shape[-1]
+    apart = np.abs(np.arange(count) - correlation.argmax(1)[:, None])
+    far = np.minimum(apart, count - apart) >= ELSEWHERE * count
+    top, other = correlation.max(1), np.where(far, correlation, -np.inf).max(1)
+    return np.where(top > 0, 1 - np.maximum(other, 0) / np.where(top > 0, top, 1), 0)
 
 
 def _peak(correlation, folded, template, step_rad: float):

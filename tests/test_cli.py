@@ -13,8 +13,8 @@ from test_bad_input import write_camera
 
 from lmmap import cli, terminal
 from lmmap.core import PAPER, Camera
+from lmmap.estimator import fitting
 from lmmap.journal import Journal
-from lmmap.pipeline import fitting
 from lmmap.results import DATA, ROOT
 from lmmap.trajectories import read_estimates
 

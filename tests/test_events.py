@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from strategies import cut, seeds
 
 from lmmap.core import EVENT, PAPER
-from lmmap.events import histogram, scaled_count, windows, windows_at, windows_before, windows_of
+from lmmap.events import histogram, looks, scaled_count, windows, windows_at, windows_before, windows_of
 
 
 @given(seeds(), st.integers(0, 3000), st.integers(1, 60), st.integers(1, 60))
@@ -75,10 +75,11 @@ def some_events(rng, count):
 def test_windows_of_a_stream_do_not_depend_on_its_chunks(total, count, seed):
     rng = np.random.default_rng(seed)
     e = some_events(rng, total)
-    streamed = list(windows_of(cut(e, rng), count))
-    assert len(streamed) == len(windows(e, count))
-    for got, s in zip(streamed, windows(e, count), strict=True):
-        np.testing.assert_array_equal(got, e[s])
+    for times in (1, 2, 3):
+        streamed = list(windows_of(cut(e, rng), count, times))
+        assert len(streamed) == len(windows(e, count))
+        for got, s in zip(streamed, windows(e, count), strict=True):
+            np.testing.assert_array_equal(got, e[max(0, s.stop - times * count) : s.stop])
 
 
 @given(st.integers(1, 400), st.integers(1, 60), st.sampled_from([60.0, 997.0, 25_000.0]), st.integers(0, 99))
@@ -88,10 +89,22 @@ def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz,
     first, last = int(e["t_us"][0]), int(e["t_us"][-1])
     ticks = [first + int(k * 1e6 / rate_hz) for k in range(1, int((last - first) * rate_hz / 1e6) + 2)]
     expected = [s for s in windows_before(e, [t for t in ticks if t < last], count) if s is not None]
-    streamed = list(windows_at(cut(e, rng), rate_hz, count))
-    assert len(streamed) == len(expected)
-    for got, s in zip(streamed, expected, strict=True):
-        np.testing.assert_array_equal(got, e[s])
+    for times in (1, 2, 3):
+        streamed = list(windows_at(cut(e, rng), rate_hz, count, times))
+        assert len(streamed) == len(expected)
+        for got, s in zip(streamed, expected, strict=True):
+            np.testing.assert_array_equal(got, e[max(0, s.stop - times * count) : s.stop])
+
+
+def test_looks_are_the_last_events_and_all_of_twice_as_many():
+    e = np.zeros(8, EVENT)
+    e["t_us"], e["x"] = 10 * np.arange(8), np.arange(8)
+    (first_us, few), (wider_us, many) = looks(e, 4, (8, 1))
+    assert (first_us, wider_us) == (55, 35)
+    assert few.tolist() == [[0, 0, 0, 0, 1, 1, 1, 1]] and many.sum() == 8
+    assert len(looks(e, 4, (8, 1), after_us=34)) == 2
+    assert [t for t, _ in looks(e, 4, (8, 1), after_us=35)] == [55]  # times only rise
+    assert [t for t, _ in looks(e, 5, (8, 1))] == [50]  # not yet twice as many
 
 
 def test_the_papers_count_is_kept_per_pixel():

@@ -1,21 +1,20 @@
 """The whole path on the committed recording, with the shipped weights."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from lmmap.core import PAPER, Camera, InputError, Port, Pose, Status
+from lmmap import yaw
+from lmmap.contour import Contour
+from lmmap.core import PAPER, Camera, Estimate, InputError, Port, Pose, Status
+from lmmap.estimator import EDGE_PX, MIN_RING_SCORE, Estimator, markers_box_px
+from lmmap.events import WIDER
 from lmmap.filters import Filter
 from lmmap.geometry import circle_ellipse, ideal_masks, in_view, project, rotation_z
 from lmmap.metrics import normal_error_rad, position_error_m
-from lmmap.pipeline import (
-    EDGE_PX,
-    Estimator,
-    answered,
-    estimate,
-    images,
-    markers_box_px,
-    true_poses,
-)
+from lmmap.pipeline import Shot, answered, estimate, images, looked, shots, true_poses
 from lmmap.recordings import open_recording
 from lmmap.results import DATA
 
@@ -102,15 +101,57 @@ def test_the_markers_box_holds_them_at_any_yaw_and_no_more_than_it_must(recordin
 
 def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it():
     def shots():
-        yield from ((t, np.full((2, 2), t)) for t in range(7))
+        yield from (Shot(t, np.full((2, 2), t)) for t in range(7))
         raise InputError("the file ends here")
 
     seen = []
     with pytest.raises(InputError, match="ends here"):
-        for image, answer in answered(shots(), lambda image, t_us: (t_us, int(image[0, 0]))):
-            seen.append((int(image[0, 0]), *answer))
-    assert seen == [(t, t, t) for t in range(7)]
+        for image, answer in answered(shots(), lambda image, t_us: Estimate(t_us, Status.NO_RING)):
+            seen.append((int(image[0, 0]), answer.t_us))
+    assert seen == [(t, t) for t in range(7)]
     assert list(answered([], None)) == []
+
+
+def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
+    """Images are of one value: 0 shows nothing, 1 a ring without markers, 2 the port."""
+    statuses, asked = (Status.NO_RING, Status.NO_MARKERS, Status.OK), []
+
+    def estimator(image, t_us):
+        asked.append(t_us)
+        T = Pose(np.eye(3), np.ones(3)) if image[0, 0] == 2 else None
+        return Estimate(t_us, statuses[int(image[0, 0])], T)
+
+    for first, wider, taken in (
+        (0, 2, 5),
+        (1, 2, 5),
+        (0, 0, 9),
+        (1, 0, 9),
+        (0, 1, 9),
+        (2, 2, 9),
+        (0, None, 9),
+    ):
+        asked.clear()
+        shot = Shot(9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None)
+        image, one = looked(estimator, shot)
+        assert one.t_us == taken and one.t_us in shot.times_us
+        assert one.status == statuses[image[0, 0]] and image[0, 0] == (wider if taken == 5 else first)
+        assert asked == ([9] if first == 2 or wider is None else [9, 5])
+
+
+@pytest.mark.parametrize("rate_hz", [None, 5.0, 10.0])
+def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_hz):
+    some = list(shots(recording, "event", rate_hz=rate_hz))
+    assert [(s.t_us, s.image.sum()) for s in some] == [
+        (t_us, image.sum()) for t_us, image in images(recording, "event", rate_hz=rate_hz)
+    ]
+    wide = [(a, b) for a, b in pairwise(some) if b.wider]
+    assert len(wide) > len(some) / 3
+    for a, b in wide:
+        assert a.t_us < b.wider[0] <= b.t_us
+        assert b.wider[1].sum() == WIDER * b.image.sum() and np.all(b.wider[1] >= b.image)
+        if rate_hz is None:
+            np.testing.assert_array_equal(b.wider[1], a.image + b.image)
+    assert all(s.wider is None for s in shots(recording, "rgb"))
 
 
 def test_dark_and_noise_have_no_ring(rng):
@@ -130,6 +171,28 @@ def test_rate_takes_the_last_events_before_each_tick(recording):
     assert all(image.sum() == PAPER.events_per_window for _, image in at)
     frames = [t for t, _ in images(recording, "rgb", rate_hz=10.0)]
     assert np.diff(frames) == pytest.approx(1e5, rel=0.1)
+
+
+def test_a_faint_ring_is_known_worse_and_an_unknown_yaw_is_not_refined():
+    estimator, T = Estimator(), Pose(rotation_z(0.3) @ np.diag([1.0, -1, -1]), np.array([0.01, 0.02, 0.6]))
+    ring, markers = (np.asarray(m, np.float32) for m in ideal_masks(T, estimator.port, estimator.camera))
+    clear, faint = (estimator.find_ring(k * ring)[0] for k in (1.0, 0.6))
+    assert isinstance(clear, Contour) and faint.score == pytest.approx(0.6 * clear.score, rel=0.02)
+    ratio = estimator.sigma_px(replace(clear, score=0.5)) / estimator.sigma_px(replace(clear, score=1.0))
+    assert ratio == pytest.approx(2)
+    least, less = (estimator.sigma_px(replace(clear, score=s)) for s in (MIN_RING_SCORE, 0.0))
+    assert least == less < np.inf
+
+    best = yaw.fast_yaw(markers, estimator.candidates(clear.ellipse)[:2], estimator.port, estimator.camera)
+    known, covariance, _ = estimator.refine(best, clear, markers)
+    assert best.yaw_known and not np.array_equal(known.position_m, best.T_cam_port.position_m)
+    unsure = replace(
+        best, yaw_margin=yaw.YAW_MARGIN - 0.01, sigma_rad=estimator.port.yaw_period_rad / 12**0.5
+    )
+    kept, wide, _ = estimator.refine(unsure, clear, markers)
+    np.testing.assert_array_equal(kept.position_m, best.T_cam_port.position_m)
+    turn = [np.sqrt(T.normal @ C[3:, 3:] @ T.normal) for C in (covariance, wide)]
+    assert turn[1] == pytest.approx(unsure.sigma_rad, rel=0.05) and turn[0] < 0.2 * turn[1]
 
 
 def test_misuse():

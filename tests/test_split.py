@@ -5,13 +5,12 @@ from pathlib import Path
 
 import calibrate_uncertainty
 import choose_thresholds
-import numpy as np
 import pandas as pd
 import pytest
 import tune_fusion
 import validation_world
 
-from lmmap import dataset, ellipse, photometry, study, tracking
+from lmmap import dataset, ellipse, photometry, study
 from lmmap.core import PAPER
 from lmmap.laboratory import sequence
 from lmmap.motion import Motion
@@ -67,17 +66,15 @@ def test_the_constants_are_the_scripts_choice():
     assert asdict(Motion()) == pytest.approx(choices["motion"])
     for name in ("acceleration_m", "acceleration_rad", "correlation_s"):
         assert getattr(Motion(), name) == best[name]
-    assert choices["max_position_sigma_m"] == tracking.MAX_POSITION_SIGMA_M
-    assert np.deg2rad(choices["max_normal_sigma_deg"]) == pytest.approx(tracking.MAX_NORMAL_SIGMA_RAD)
     assert Path(FUSION / "grid.provenance.json").exists()
 
 
-def test_of_settings_as_good_as_the_best_the_most_honest_is_chosen():
-    scores = pd.DataFrame([[3.0, 1.0, 2.0], [2.9, 1.1, 1.9], [2.0, 0.1, 1.1]])  # a row per setting
-    grid = tune_fusion.behind(scores).assign(inside_95_percent=[80.0, 93.0, 95.0])
-    assert grid.behind.tolist() == pytest.approx([0, 0.1 / 3, 2.8 / 3])
-    assert grid.chance.tolist() == pytest.approx([0, 0.2 / 3, 0.1 / 3])
-    assert tune_fusion.choice(grid).inside_95_percent == 93
+def test_of_honest_settings_the_best_is_chosen():
+    grid = pd.DataFrame({"score": [3.0, 2.5, 2.8, 2.9], "inside_95_percent": [90.0, 95.0, 94.2, 97.5],
+                         "chance": [1.0, 1.0, 1.0, 2.0]})  # fmt: skip
+    assert tune_fusion.choice(grid).score == 2.8
+    assert tune_fusion.choice(grid.assign(chance=0.0)).score == 2.5
+    assert tune_fusion.choice(grid.drop(index=[1, 2, 3])).score == 3.0
 
 
 def test_the_thresholds_are_the_scripts_choice():

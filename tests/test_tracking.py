@@ -6,7 +6,7 @@ from strategies import PORT
 
 from lmmap.core import Estimate, Pose, Status
 from lmmap.geometry import rotation_z
-from lmmap.tracking import outlier_filter
+from lmmap.tracking import RIGHT_M, RIGHT_RAD, certain, outlier_filter
 
 PERIOD = PORT.yaw_period_rad
 
@@ -56,3 +56,12 @@ def test_the_filter_is_the_papers_sentence(yaws_deg):
         last = yaws_deg[max(k - 2, 0) : k + 1]
         whole = len(last) == 3 and None not in last
         assert kept == (whole and close(last[0], last[1]) and close(last[1], last[2]))
+
+
+def test_certain_is_what_promises_to_be_right_in_95_of_100():
+    """Standard deviations of position and normal at, and just over, the error that one may dock with."""
+    T, promised = Pose(np.eye(3), np.ones(3)), []
+    for position, turn in ((1, 1), (1.01, 0.1), (0.1, 1.01)):
+        S = np.diag([position * RIGHT_M] * 3 + [turn * RIGHT_RAD] * 2 + [9.0]) / 1.9601  # yaw does not count
+        promised.append(Estimate(0, Status.OK, T, covariance=S**2))
+    assert certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]

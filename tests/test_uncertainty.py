@@ -1,5 +1,6 @@
 """Covariances: calibrated at every tilt, invariant, honest head-on."""
 
+import calibrate_uncertainty
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +11,7 @@ from scipy.stats import chi2
 from strategies import CAMERA, pose, visible_poses
 
 from lmmap import circle, ellipse, geometry, joint, sensitivity, uncertainty, yaw
-from lmmap.core import Camera, Pose
+from lmmap.core import Camera, Port, Pose
 from lmmap.results import DATA
 
 NU, SIGMA_PX = 0.08, 0.5
@@ -125,6 +126,24 @@ def test_the_constants_are_those_measured():
         assert joint.MARKER_SIGMA_PX[modality] == best.marker_sigma_px
         assert joint.INFLATION[modality] == pytest.approx(best.joint_inflation, abs=0.06)
     assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == yaw.YAW_INFLATION
+    assert table.yaw_margin.max() == yaw.YAW_MARGIN
+    assert (table.other_yaw_percent <= calibrate_uncertainty.OTHER_PERCENT).all()
+
+
+def test_other_yaws_are_counted_above_each_margin():
+    margins, turned_deg = [0.0, 0.1, 0.3, 0.5], np.array([60.0, -35.0, 29.0, 0.0])
+    margin, percent = calibrate_uncertainty.other_yaws(margins, np.deg2rad(turned_deg), Port.lm_map())
+    assert (margin, percent) == (0.15, 0.0)  # both yaws that are over 30 deg off lie below
+
+
+def test_the_regions_hold_what_they_promise_in_every_light():
+    """As `benchmarks/calibrate_uncertainty.py` measured with these constants: 95 % over all lights by its
+    construction, and no light far from it."""
+    table = pd.read_csv(DATA / "results" / "calibration.csv")
+    assert len(table) == 6 and (table.poses > 40).all()
+    assert table.inside_percent.between(85, 99.9).all()
+    for _, some in table.groupby("modality"):
+        assert 92 <= np.average(some.inside_percent, weights=some.poses) <= 98
 
 
 def test_misuse_is_named():

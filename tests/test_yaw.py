@@ -165,7 +165,22 @@ def test_margin_is_small_where_the_normals_merge_and_large_where_they_part(find)
     assert margins[2] > 0.3
 
 
+def test_a_yaw_is_unknown_where_another_explains_the_mask_as_well():
+    """Markers at the true yaw, and fainter and fainter ones half a period on."""
+    T, margins = pose((170, 120), 0.4, 0.3, 1.0, 2.0), []
+    turned = Pose(T.rotation @ geometry.rotation_z(PORT.yaw_period_rad / 2), T.position_m)
+    for share in (0.0, 0.4, 0.7, 0.95):
+        fit = yaw.fast_yaw(np.maximum(mask_of(T), share * mask_of(turned)), candidates(T), PORT, CAMERA)
+        assert fit.yaw_known == (share < 0.9)
+        margins.append(fit.yaw_margin)
+        unknown_rad = PORT.yaw_period_rad / np.sqrt(12)
+        assert (fit.sigma_rad == pytest.approx(unknown_rad)) == (not fit.yaw_known)
+    assert np.all(np.diff(margins) < -0.1) and 0 < margins[-1] < 0.05
+    half = yaw.fast_yaw(0.5 * mask_of(T), candidates(T), PORT, CAMERA)
+    assert half.yaw_margin == pytest.approx(margins[0])  # however bright they are
+
+
 def test_an_empty_mask_knows_neither_yaw_nor_normal():
     fit = yaw.fast_yaw(np.zeros((260, 346), np.float32), candidates(pose((170, 120), 0.6, 0.5)), PORT, CAMERA)
-    assert fit.margin == 0
+    assert fit.margin == fit.yaw_margin == 0 and not fit.yaw_known
     assert fit.sigma_rad == pytest.approx(PORT.yaw_period_rad / np.sqrt(12))

@@ -19,7 +19,8 @@ import pandas as pd
 
 from lmmap import odometry, simulation, study, vo
 from lmmap.core import Port, Trajectory
-from lmmap.pipeline import Estimator, estimate
+from lmmap.estimator import Estimator
+from lmmap.pipeline import estimate
 from lmmap.recordings import open_recording
 from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
 from lmmap.trajectories import read_trajectory, write_trajectory
