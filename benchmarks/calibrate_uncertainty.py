@@ -34,7 +34,7 @@ from lmmap.results import DATA, DERIVED, save_table
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
 SECONDS, RATE_HZ = 1.6, 5.0
 MARKER_SIGMAS_PX = (0.5, 0.7, 1.0, 1.4, 1.7, 2.0, 2.8, 4.0)
-YAW_MARGINS, OTHER_PERCENT = np.arange(0, 0.51, 0.05).round(2), 1.0
+YAW_MARGINS, OTHER_PERCENT = np.arange(0, 0.41, 0.05).round(2), 1.0
 WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and how wrong does not matter
 
 

@@ -26,7 +26,7 @@ from lmmap.geometry import in_view
 from lmmap.metrics import normal_error_rad, position_error_m, rotation_error_rad
 from lmmap.pipeline import images
 from lmmap.results import DATA, save_table
-from lmmap.tracking import RIGHT_M, RIGHT_RAD
+from lmmap.tracking import RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD
 
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
 MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
@@ -34,7 +34,6 @@ CUTS = [(threshold, ellipse.SURE) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + 
     (PAPER.mask_threshold, sure) for sure in (0.0, 0.7, 0.8, 0.95)
 ]  # of the mask: threshold, and what a blob must reach
 PRESENT = (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
-RIGHT_ROTATION_RAD = np.deg2rad(10.0)
 CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
 NAMES = ("mask_threshold", "sure", "min_marker_score")
 

@@ -9,7 +9,8 @@ import numpy as np
 from .core import PAPER, Estimate, Settings
 from .geometry import rotation_between_rad
 
-RIGHT_M, RIGHT_RAD = 0.020, float(np.deg2rad(5.0))  # errors of a pose that one may dock on
+# errors of a pose that one may dock on: of position, normal and rotation
+RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD = 0.020, float(np.deg2rad(5.0)), float(np.deg2rad(10.0))
 
 
 def outlier_filter(
