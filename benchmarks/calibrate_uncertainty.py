@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from lmmap import joint, sequences, uncertainty, yaw
 from lmmap.contour import Contour
-from lmmap.core import Port, Pose
+from lmmap.core import Camera, Port, Pose
 from lmmap.estimator import Estimator
 from lmmap.geometry import in_view
 from lmmap.metrics import normal_error_rad, pose_difference, position_error_m
@@ -111,28 +111,41 @@ def other_yaws(margins, turned_rad, port: Port) -> tuple[float, float]:
     return float(YAW_MARGINS[at]), float(shares[at])
 
 
+def of_rings(cases: list, nearer: list[Pose], sigmas_px, port: Port, camera: Camera) -> dict:
+    """The inflation of the rings' covariances, what it would be by their median, and the logarithmic score
+    then, with standard deviations of a contour's point (N,)."""
+    nees, size = [], []
+    for (ring, _, _, truth), T, sigma_px in zip(cases, nearer, sigmas_px, strict=True):
+        chart = uncertainty.pose_uncertainty(T, ring.points_px, sigma_px, port.ring_radius_m, camera).chart
+        nees.append(uncertainty.chart_nees(T, truth, chart, port.ring_radius_m, camera))
+        size.append(np.linalg.slogdet(chart)[1])
+    factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 5)
+    score = -(np.minimum(np.array(nees) / factor, WORST) + size + 5 * np.log(factor)) / 2
+    return {"inflation": factor, "inflation_by_median": np.median(nees) / chi2.ppf(0.5, 5),
+            "ring_score": np.mean(score)}  # fmt: skip
+
+
 def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
     """Rows without (NaN) and with joint refinement, for each standard deviation of a marker's edge."""
     modality, camera, port = estimator.modality, estimator.camera, estimator.port
-    ring_nees, ring_scores, yaw_ratio, right, margins, turned = [], [], [], [], [], []
-    sigma_px = [estimator.sigma_px(ring) / np.sqrt(uncertainty.INFLATION[modality]) for ring, *_ in cases]
-    for (ring, _, fit, truth), known_px in zip(cases, sigma_px, strict=True):
+    yaw_ratio, right, nearer, margins, turned = [], [], [], [], []
+    for _, _, fit, truth in cases:
         right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
-        T = fit.T_cam_port if right[-1] else fit.rival
-        known = uncertainty.pose_uncertainty(T, ring.points_px, known_px, port.ring_radius_m, camera)
-        ring_nees.append(uncertainty.chart_nees(T, truth, known.chart, port.ring_radius_m, camera))
-        ring_scores.append(np.linalg.slogdet(known.chart)[1])
+        nearer.append(T := fit.T_cam_port if right[-1] else fit.rival)
         if right[-1]:
             margins.append(fit.yaw_margin)
             turned.append(difference(T, truth, port)[3:] @ T.normal)
             if fit.yaw_known:
                 yaw_ratio.append(abs(turned[-1]) * yaw.YAW_INFLATION / fit.sigma_rad)
-    inflation = np.quantile(ring_nees, 0.95) / chi2.ppf(0.95, 5)
+    inflated_px = np.array([estimator.sigma_px(ring) for ring, *_ in cases])
+    sigma_px = inflated_px / np.sqrt(uncertainty.INFLATION[modality])
+    rings = of_rings(cases, nearer, sigma_px, port, camera)
+    constant = of_rings(cases, nearer, [ring.sigma_px for ring, *_ in cases], port, camera)
     rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [], [], [])]
     for marker_px in MARKER_SIGMAS_PX:
         differences, covariances, faintness, after = [], [], [], []
         for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
-            ring_px = known_px * np.sqrt(inflation)
+            ring_px = known_px * np.sqrt(rings["inflation"])
             found = fit.yaw_known and joint.refine(
                 fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_px, marker_px
             )
@@ -144,13 +157,10 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
                 faintness.append(fit.score)
         rows.append(row(modality, marker_px, after, differences, covariances, faintness))
     margin, other_percent = other_yaws(margins, turned, port)
-    nees = np.minimum(np.array(ring_nees) / inflation, WORST)
-    ring_score = -(nees + ring_scores + 5 * np.log(inflation)) / 2
     return pd.DataFrame(rows).assign(
-        images=len(cases), normal_right_percent=100 * np.mean(right), inflation=inflation,
-        inflation_by_median=np.median(ring_nees) / chi2.ppf(0.5, 5), ring_score=np.mean(ring_score),
-        yaw_inflation=np.quantile(yaw_ratio, 0.95) / 1.96, yaw_margin=margin,
-        other_yaw_percent=other_percent)  # fmt: skip
+        images=len(cases), normal_right_percent=100 * np.mean(right), **rings,
+        ring_score_constant=constant["ring_score"], yaw_inflation=np.quantile(yaw_ratio, 0.95) / 1.96,
+        yaw_margin=margin, other_yaw_percent=other_percent)  # fmt: skip
 
 
 def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:

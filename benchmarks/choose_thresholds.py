@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from calibrate_uncertainty import RATE_HZ, SEQUENCES, recording
+from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
 from lmmap import ellipse, yaw
@@ -28,6 +28,7 @@ from lmmap.pipeline import images
 from lmmap.results import DATA, save_table
 from lmmap.tracking import RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD
 
+SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
 MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
 CUTS = [(threshold, ellipse.SURE) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + [

@@ -22,10 +22,9 @@ from .conics import cone
 from .core import Camera, Pose
 from .geometry import bearings, circle_conic
 
-# Variance of a contour point as if points were independent, in units of their scatter about the ellipse, where
-# the mask along it is 1:
-# neighbours err alike.  By `python benchmarks/calibrate_uncertainty.py`, on sequences that are not the test,
-# with filters on the bench that trained them: another bench or other filters ask for a new measurement.
+# Variance of a contour point as if points were independent, in units of their scatter about the ellipse where
+# the mask along it is 1: neighbours err alike.  By `python benchmarks/calibrate_uncertainty.py`, on sequences
+# that are not the test, with filters on the bench that trained them: other ones ask for a new measurement.
 INFLATION = {"rgb": 6.8, "event": 10.1}
 
 NODES, WEIGHTS = hermegauss(9)

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import calibrate_uncertainty
+import choose_look
 import choose_thresholds
 import pandas as pd
 import pytest
@@ -12,6 +13,7 @@ import validation_world
 
 from lmmap import dataset, ellipse, photometry, study
 from lmmap.core import PAPER
+from lmmap.events import WIDER
 from lmmap.laboratory import sequence
 from lmmap.motion import Motion
 from lmmap.results import DATA, load_json
@@ -19,7 +21,8 @@ from lmmap.results import DATA, load_json
 TUNED_ON = {
     "benchmarks/tune_fusion.py": tune_fusion.SEQUENCES,
     "benchmarks/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
-    "benchmarks/choose_thresholds.py": [*calibrate_uncertainty.SEQUENCES, *choose_thresholds.EMPTY],
+    "benchmarks/choose_thresholds.py": [*choose_thresholds.SEQUENCES, *choose_thresholds.EMPTY],
+    "benchmarks/choose_look.py": choose_look.SEQUENCES,
     "benchmarks/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [name for names in dataset.SETS.values() for name in names],
@@ -75,6 +78,12 @@ def test_of_honest_settings_the_best_is_chosen():
     assert tune_fusion.choice(grid).score == 2.8
     assert tune_fusion.choice(grid.assign(chance=0.0)).score == 2.5
     assert tune_fusion.choice(grid.drop(index=[1, 2, 3])).score == 3.0
+
+
+def test_the_second_look_is_the_scripts_choice():
+    looks = pd.read_csv(DATA / "results" / "looks.csv").query("factor > 1")
+    right = looks.groupby("factor").right.sum()
+    assert set(right.index) == set(choose_look.FACTORS) - {1.0} and right.idxmax() == WIDER
 
 
 def test_the_thresholds_are_the_scripts_choice():
