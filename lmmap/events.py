@@ -8,7 +8,7 @@ import numpy as np
 
 from .core import EVENT, PAPER
 
-WIDER = 2  # times N: what is looked at where N show no port, by `python benchmarks/choose_look.py`
+WIDER = 1.5  # times N: what is looked at where N show no port, by `python benchmarks/choose_look.py`
 
 
 def windows(events, count: int = PAPER.events_per_window) -> list[slice]:
@@ -111,11 +111,10 @@ def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
 
 
 def looks(events, count: int, size_px: tuple[int, int], after_us: int | None = None) -> list[tuple]:
-    """``(t_us, histogram)`` of the last ``count`` of a window's events and, where they are `WIDER` times as
-    many, of all, if that lies after ``after_us``; a histogram's time is the middle of its events' span."""
-    wider = [events] if len(events) == WIDER * count else []
+    """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last `WIDER` times as many,
+    if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events' span."""
     found = []
-    for some in (events[-count:], *wider):
+    for some in (events[-number:] for number in (count, int(WIDER * count)) if number <= len(events)):
         middle_us = (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2
         if not found or after_us is None or middle_us > after_us:
             found.append((middle_us, histogram(some["x"], some["y"], size_px)))

@@ -7,6 +7,7 @@ time is counted as skipped, so that a slow machine answers late for few images, 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -120,7 +121,7 @@ def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator
             yield Shot(t_us, frame, t_us, len(pending) - 1)
             continue
         fresh += sum(len(chunk) for chunk in pending)
-        recent = joined([recent, *pending])[-WIDER * count :]
+        recent = joined([recent, *pending])[-math.ceil(WIDER) * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue

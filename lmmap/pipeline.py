@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -51,7 +52,8 @@ def shots(recording: Recording | Stream, modality: str, settings: Settings | Non
         return
     count = (settings or fitting(recording.camera)).events_per_window
     chunks, before_us = recording.chunks(), None
-    windows = windows_at(chunks, rate_hz, count, WIDER) if rate_hz else windows_of(chunks, count, WIDER)
+    most = math.ceil(WIDER)
+    windows = windows_at(chunks, rate_hz, count, most) if rate_hz else windows_of(chunks, count, most)
     for window in windows:
         first, *wider = looks(window, count, recording.camera.size_px, before_us)
         yield Shot(*first, *wider)

