@@ -18,6 +18,7 @@ from lmmap.motion import Motion
 
 PERIOD = PORT.yaw_period_rad
 STILL = Motion(acceleration_m=1e-9, acceleration_rad=1e-9, correlation_s=0, speed_m_s=1e-9, rate_rad_s=1e-9)
+PATIENT = Motion(lost_s=1.0)
 T0 = pose((200, 110), 0.6, 0.4, 0.7, 0.3)
 LOOSE = np.diag([2e-3, 2e-3, 4e-3, 0.02, 0.02, 0.01]) ** 2
 
@@ -96,7 +97,7 @@ def test_thirds_of_a_turn_make_no_difference(seed, turns):
 def test_the_order_of_estimates_of_one_time_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     both = [{c: noisy(rng, T0, drawn(rng), 100_000 * k) for c in ("rgb", "event", "third")} for k in range(5)]
-    one, other = Fusion(PERIOD), Fusion(PERIOD)
+    one, other = Fusion(PERIOD, PATIENT), Fusion(PERIOD, PATIENT)
     for some in both:
         one.add(some)
         other.add(dict(reversed(some.items())))
@@ -180,7 +181,7 @@ def test_lost_after_silence_and_begun_anew_elsewhere():
 
 
 def test_waiting_loosens_what_is_known():
-    filter_ = Fusion(PERIOD)
+    filter_ = Fusion(PERIOD, PATIENT)
     filter_.add({"rgb": seen(0)})
     volumes = [np.linalg.slogdet(filter_.at(t).covariance)[1] for t in (0, 100_000, 300_000)]
     assert np.all(np.diff(volumes) > 0)
