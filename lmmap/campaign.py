@@ -33,7 +33,7 @@ def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> 
     """Estimates of a bag's images, each on disk as it comes; an interrupted call goes on."""
     with Journal(kept, resume=True) as journal:
         every = shots(stream, estimator.modality, estimator.settings, rate_hz)
-        left = (shot for shot in every if not any(map(journal.has, shot.times_us)))
+        left = (shot for shot in every if not journal.has(*shot.times_us))
         try:
             for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
                 journal.add(one)

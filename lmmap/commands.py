@@ -71,7 +71,7 @@ def estimate(a) -> None:
         try:
             with Bar(stream, a.modality) as bar:
                 shots = pipeline.shots(stream, a.modality, settings, a.rate)
-                left = (shot for shot in shots if not any(map(journal.has, shot.times_us)))
+                left = (shot for shot in shots if not journal.has(*shot.times_us))
                 for image, one in pipeline.answered(left, estimator):
                     journal.add(one)
                     if a.video:
@@ -116,7 +116,7 @@ def _kept(stream: Stream, estimator, rate_hz: float | None, journal: Journal) ->
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
     shots = pipeline.shots(stream, estimator.modality, estimator.settings, rate_hz)
     yield from journal.done.values()
-    left = (shot for shot in shots if not any(map(journal.has, shot.times_us)))
+    left = (shot for shot in shots if not journal.has(*shot.times_us))
     for _, one in pipeline.answered(left, estimator):
         journal.add(one)
         yield as_read(one)

@@ -58,11 +58,12 @@ class Journal:
         self.done_us, self.statuses = [e.t_us for e in found], [str(e.status) for e in found]
         return whole
 
-    def has(self, t_us: int) -> bool:
-        """Whether a time is done; `InputError` if its neighbours are, but it is not."""
-        if not self.done_us or t_us > self.done_us[-1]:
+    def has(self, *times_us: int) -> bool:
+        """Whether an image is done that is estimated at one of these times; `InputError` if its neighbours
+        are, but it is not."""
+        if not self.done_us or min(times_us) > self.done_us[-1]:
             return False
-        if self.format == "csv" and t_us not in self._times:
+        if self.format == "csv" and self._times.isdisjoint(times_us):
             raise InputError(
                 f"{self.path}: holds estimates of other images than these; "
                 "resume with the same recording, modality, --rate and --events, or leave --resume out"

@@ -6,15 +6,17 @@ import json
 import re
 import subprocess
 import time
+from itertools import pairwise
 
 import cv2
 import pytest
 from test_bad_input import write_camera
 
-from lmmap import cli, terminal
-from lmmap.core import PAPER, Camera
-from lmmap.estimator import fitting
+from lmmap import cli, pipeline, terminal
+from lmmap.core import PAPER, Camera, Estimate, Status
+from lmmap.estimator import Estimator, fitting
 from lmmap.journal import Journal
+from lmmap.recordings import open_recording
 from lmmap.results import DATA, ROOT
 from lmmap.trajectories import read_estimates
 
@@ -96,6 +98,33 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
         code = run(capsys, *argv, cut, "--resume", "--json")[0]
         assert code == 0 and cut.read_bytes() == whole.read_bytes()
         assert run(capsys, *argv, cut, "--resume")[0] == 0 and cut.read_bytes() == whole.read_bytes()
+
+
+def test_what_was_looked_at_twice_is_gone_on_with_too(tmp_path, capsys, monkeypatch):
+    """With an estimator that fails on every other histogram of N events, and not on wider ones."""
+    estimated, first_us = (
+        Estimator.__call__,
+        {t_us for t_us, _ in pipeline.images(open_recording(MINI), "event", rate_hz=10)},
+    )
+
+    def seldom(self, image, t_us=0):
+        if image.sum() > self.settings.events_per_window or t_us % 2:
+            return estimated(self, image, t_us)
+        return Estimate(t_us, Status.NO_RING)
+
+    monkeypatch.setattr(Estimator, "__call__", seldom)
+    argv = ("estimate", MINI, "--modality", "event", "--rate", "10", "-o")
+    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
+    assert run(capsys, *argv, whole)[0] == 0
+    every = read_estimates(whole)
+    wider = [k for k, e in enumerate(every) if e.t_us not in first_us]
+    assert len(wider) > 1 and all(every[k].status == Status.OK for k in wider)
+    assert all(a.t_us < b.t_us for a, b in pairwise(every))
+    lines = whole.read_text().splitlines(keepends=True)
+    for count in (wider[0] + 1, wider[0] + 2):  # the last line of a second look, or the one after it
+        cut.write_text("".join(lines[: count + 1]))
+        assert run(capsys, *argv, cut, "--resume")[0] == 0
+        assert cut.read_text() == whole.read_text()
 
 
 def test_resuming_with_other_images_is_refused(tmp_path, capsys):
