@@ -102,10 +102,8 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
 
 def test_what_was_looked_at_twice_is_gone_on_with_too(tmp_path, capsys, monkeypatch):
     """With an estimator that fails on every other histogram of N events, and not on wider ones."""
-    estimated, first_us = (
-        Estimator.__call__,
-        {t_us for t_us, _ in pipeline.images(open_recording(MINI), "event", rate_hz=10)},
-    )
+    estimated, shots = Estimator.__call__, pipeline.images(open_recording(MINI), "event", rate_hz=10)
+    first_us = {t_us for t_us, _ in shots}
 
     def seldom(self, image, t_us=0):
         if image.sum() > self.settings.events_per_window or t_us % 2:
