@@ -80,13 +80,14 @@ class Fusion:
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
-        is no better known than by a guess."""
+        was, when last seen, less known than by a guess: a camera's pose may have a guessed yaw, but rings
+        alone do not go on with it."""
         track = self._at(t_us)
         if track is None:
             status = max(self._statuses.values(), key=_progress, default=Status.NO_RING)
             return Estimate(t_us, Status.NO_RING if status == Status.OK else status)
-        n = track.T_cam_port.normal
-        if n @ track.covariance[3:6, 3:6] @ n > self._unknown_rad**2:
+        n = self.track.T_cam_port.normal
+        if n @ self.track.covariance[3:6, 3:6] @ n > (1 + 1e-6) * self._unknown_rad**2:
             return Estimate(t_us, Status.NO_MARKERS)
         return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.covariance[POSE, POSE])
 

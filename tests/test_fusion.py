@@ -275,3 +275,15 @@ def test_rings_alone_keep_the_track_until_the_yaw_is_a_guess():
     assert statuses == sorted(statuses, key=[Status.OK, Status.NO_MARKERS].index)
     filter_.add({"rgb": seen(10_000_000)})
     assert filter_.at(10_000_000).status == Status.OK
+
+
+def test_a_pose_whose_yaw_is_a_guess_is_an_answer_and_rings_do_not_go_on_with_it():
+    n, unknown_rad = T0.normal, PERIOD / np.sqrt(12)
+    guessed = LOOSE + np.pad((unknown_rad**2 - n @ LOOSE[3:, 3:] @ n) * np.outer(n, n), ((3, 0), (3, 0)))
+    filter_ = Fusion(PERIOD)
+    filter_.add({"event": seen(0, S=guessed)})
+    assert filter_.at(0).status == filter_.at(60_000).status == Status.OK
+    filter_.add({"event": ring_only(100_000)})
+    assert filter_.at(100_000).status == Status.NO_MARKERS
+    filter_.add({"event": seen(200_000)})
+    assert filter_.at(200_000).status == Status.OK
