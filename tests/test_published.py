@@ -112,7 +112,8 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     code, out, err = run(capsys, *argv, "30")
     assert code == 0 and "from the hand-eye file" in out and not err
     found, wanted = Rig.load(rig), standin.RIG
-    assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
+    off_mm = 1e3 * np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m)
+    assert off_mm < 2 * found.calibrated["port_sigma_mm"] < 6  # as near as it says, and that is some mm
     assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
     assert found.calibrated["recordings"] == ["normal__train.bag"]
     for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
