@@ -5,7 +5,7 @@ import pandas as pd
 
 from lmmap import gallery
 from lmmap.core import Estimate, Status
-from lmmap.pipeline import images
+from lmmap.pipeline import images, shots
 from lmmap.recordings import open_recording, read_estimates, write_estimates, write_npz
 from lmmap.results import DATA
 
@@ -44,6 +44,18 @@ def test_worst_come_first_and_misses_are_spread(tmp_path):
     titles = [ax.get_title() for ax in fig.axes if ax.images]
     assert len(titles) == 5 and sum("no ring" in title for title in titles) == 2
     assert len(read_estimates(folder / "estimates-mini-rgb.csv")) > 5
+
+
+def test_a_second_look_is_drawn_as_it_was_seen(tmp_path):
+    folder = folder_of(tmp_path)
+    shot = [s for s in shots(open_recording(folder / "mini.npz"), "event", rate_hz=5) if s.wider][-1]
+    t_us, image = shot.wider
+    write_estimates([Estimate(t_us, Status.NO_RING)], folder / "estimates-mini-event.csv")
+    rows = pd.DataFrame([{"sequence": "mini", "modality": "event", "label": "mini-event", "t_us": t_us}])
+    (ax,) = (ax for ax in gallery.draw(rows, folder, 5.0).axes if ax.images)
+    shown = np.asarray(ax.images[0].get_array())
+    assert shown.shape[:2] == image.shape
+    assert np.count_nonzero(shown) == np.count_nonzero(image) > np.count_nonzero(shot.image)
 
 
 def test_false_poses_are_all_poses_where_there_is_no_port(tmp_path):

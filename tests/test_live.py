@@ -7,6 +7,7 @@ import pytest
 
 from lmmap import live
 from lmmap.core import EVENT, Camera, InputError
+from lmmap.events import WIDER
 from lmmap.streams import Source, Stream
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -50,13 +51,17 @@ def test_the_newest_is_taken_and_the_rest_is_counted():
     shots = live.newest(device, "event", 100)
     clock_steps = iter([0.15, 0.45, 0.39])
     device.pending("event")
-    seen = []
+    seen, before_us = [], 0
     for step_s in clock_steps:
         clock.s += step_s
         shot = next(shots)
         assert shot.image.sum() == 100 and shot.newest_us <= device.now_us()
         assert device.now_us() - shot.newest_us < 1000
+        wider_us, wider = shot.wider
+        assert before_us < wider_us < shot.t_us
+        assert wider.sum() == 100 * WIDER and np.all(wider >= shot.image)
         seen.append(shot.skipped)
+        before_us = shot.t_us
     assert seen == [0, 3, 2]  # 150, 450 and 390 new events, in windows of 100
     device, _ = played(clock := Clock())
     shots = live.newest(device, "rgb", 0)
