@@ -114,15 +114,15 @@ def other_yaws(margins, turned_rad, port: Port) -> tuple[float, float]:
 def of_rings(cases: list, nearer: list[Pose], sigmas_px, port: Port, camera: Camera) -> dict:
     """The inflation of the rings' covariances, what it would be by their median, and the logarithmic score
     then, with standard deviations of a contour's point (N,)."""
-    nees, size = [], []
+    nees, charts = [], []
     for (ring, _, _, truth), T, sigma_px in zip(cases, nearer, sigmas_px, strict=True):
         chart = uncertainty.pose_uncertainty(T, ring.points_px, sigma_px, port.ring_radius_m, camera).chart
         nees.append(uncertainty.chart_nees(T, truth, chart, port.ring_radius_m, camera))
-        size.append(np.linalg.slogdet(chart)[1])
+        charts.append(chart)
     factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 5)
-    score = -(np.minimum(np.array(nees) / factor, WORST) + size + 5 * np.log(factor)) / 2
+    scores = log_scores(np.array(nees) / factor, factor * np.array(charts))
     return {"inflation": factor, "inflation_by_median": np.median(nees) / chi2.ppf(0.5, 5),
-            "ring_score": np.mean(score)}  # fmt: skip
+            "ring_score": np.mean(scores)}  # fmt: skip
 
 
 def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
@@ -169,7 +169,8 @@ def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:
     for (ring, reflectors, fit, truth), light in zip(cases, lights, strict=True):
         T, covariance, _ = estimator.refine(fit, ring, reflectors)
         d = difference(T, truth, estimator.port)
-        inside = d @ np.linalg.solve(covariance, d) < chi2.ppf(0.95, 6)
+        (nees,) = mahalanobis(d[None], covariance[None])
+        inside = nees < chi2.ppf(0.95, 6)
         rows.append({"modality": estimator.modality, "light": light, "inside_percent": 100 * inside})
     inside_percent = pd.DataFrame(rows).groupby(["modality", "light"]).inside_percent
     return inside_percent.agg(poses="size", inside_percent="mean").reset_index()
