@@ -14,7 +14,7 @@ from itertools import product
 
 import pandas as pd
 
-from lmmap import sequences, study, training
+from lmmap import sequences, study, tabulation, training
 from lmmap.accuracy import LIGHTS, MODALITIES, errors, summary
 from lmmap.core import Port
 from lmmap.estimator import Estimator
@@ -54,7 +54,7 @@ def cells(seed: int, light: str, modality: str) -> pd.DataFrame:
         recording = study.recorded(f"test-{light}", seconds, DERIVED / "paper", say)
         estimator = Estimator(recording.camera, Port.lm_map(), modality, weights)
         table = errors(recording, list(estimate(recording, estimator, RATE_HZ)), Port.lm_map())
-        rows = summary(table, study.DRAWS, rate_hz=RATE_HZ).query("outlier_filter == 'without'")
+        rows = summary(table, tabulation.DRAWS, rate_hz=RATE_HZ).query("outlier_filter == 'without'")
         FOLDER.mkdir(parents=True, exist_ok=True)
         rows = rows.drop(columns="outlier_filter")
         rows.assign(seed=seed, light=light, modality=modality).to_csv(path, index=False)

@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from . import commands as work
 from . import field, photometry, reference, sequences, simulation, study, vo
-from .core import PAPER, Camera, InputError
+from .core import Camera, InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from .recipes import Recipe
 from .recordings import WRITERS
@@ -142,11 +142,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--start-from", choices=DOMAIN_GAPS,
                      help="weights to go on from (default: low for robust, else none)")  # fmt: skip
     sub.add_argument("--restart", type=int, nargs="+", help="steps at which the learning rate starts anew")
+    sub.add_argument("--go-on", action="store_true", help="from the weights there, which end at a restart")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
+    sub.add_argument("--go-on", action="store_true", help="take a sequence's packed results where they hold")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     reference.register(command)
@@ -236,7 +238,9 @@ def train(a) -> None:
         asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
         changes = {key: value for key, value in asked.items() if value is not None}
         recipe = Recipe.shipped(name, modality, gap, **changes)
-        path = training.train(recipe, DERIVED / "training", lambda line: print(line, flush=True))
+        path = training.train(
+            recipe, DERIVED / "training", lambda line: print(line, flush=True), go_on=a.go_on
+        )
         print(f"{path}: written")
 
 
@@ -244,10 +248,12 @@ def reproduce(a) -> None:
     if a.data:
         field.reproduce(a)
         return
-    changed = study.reproduce(a.profile, jobs=a.jobs)
-    if a.profile == "paper" and (changed or not (study.PUBLISHED / "worst.jpg").exists()):
-        from . import gallery  # matplotlib takes a second to import
+    if a.profile != "paper":
+        study.reproduce(a.profile, jobs=a.jobs)
+        return
+    from . import gallery  # matplotlib takes a second to import
 
-        empty = [name for name in study.sequences_of(a.profile) if name.startswith("empty")]
-        gallery.publish(DERIVED / a.profile, study.PUBLISHED, study.labels_of(a.profile), PAPER.rate_hz,
-                        empty, sequences.FRAME_HZ)  # fmt: skip
+    changed = study.reproduce(a.profile, jobs=a.jobs, pictures=gallery.keep, go_on=a.go_on)
+    if changed or not (study.PUBLISHED / "worst.jpg").exists():
+        labels, empty = study.labels_of(a.profile), study.empty_labels(a.profile)
+        gallery.publish(DERIVED / a.profile, study.PUBLISHED, labels, empty)

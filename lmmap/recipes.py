@@ -10,15 +10,15 @@ from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
 
 STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
     "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "ring-event": {"high": 3000, "low": 19000, "robust": 4000},
+    "ring-event": {"high": 3000, "low": 28000, "robust": 4000},
     "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
-    "reflector-event": {"high": 4000, "low": 22000, "robust": 4000},
+    "reflector-event": {"high": 4000, "low": 34000, "robust": 4000},
 }
 RESTART = {  # all still gained when their rate was zero
     "ring-rgb-low": (3000,),
-    "ring-event-low": (5000, 11000),
+    "ring-event-low": (5000, 11000, 19000),
     "reflector-rgb-low": (3000,),
-    "reflector-event-low": (8000, 14000),
+    "reflector-event-low": (8000, 14000, 22000),
 }
 
 

@@ -94,7 +94,7 @@ def validate(net: FilterNet, samples: dataset.Samples, most: int = MOST_VALIDATE
 
 
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
-          every: int | None = None) -> Path:  # fmt: skip
+          every: int | None = None, go_on: bool = False) -> Path:  # fmt: skip
     """Train one filter, resuming from its checkpoint, and keep its weights; returns their path.
 
     Parameters
@@ -107,6 +107,9 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         Sequences; default: the domain gap's.
     every
         Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
+    go_on
+        Without a checkpoint, begin with the weights that are there, if they ended where the recipe restarts.
+        They are of half precision and Adam's moments are lost, so the card says it.
     """
     names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
     dataset.make(names, folder, report=report)
@@ -126,6 +129,9 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = folder / f"{run}.ckpt.safetensors"
     start, curve = _resume(checkpoint, net, adam, recipe)
+    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
+    if go_on and not start:
+        start, curve = _go_on(path, net, recipe)
     since, running = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
@@ -140,7 +146,6 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
                 report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou:.3f}, {:.0f} min left".format(
                     recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
                 running = []
-    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
     path.parent.mkdir(parents=True, exist_ok=True)
     card = {"command": recipe.command, "recipe": asdict(recipe), "commit": commit(),
             "bench": samples.made_of(), "prior": round(prior, 6),
@@ -167,6 +172,16 @@ def _step(net, adam, pair, recipe, step) -> float:
     loss.backward()
     adam.step()
     return loss.item()
+
+
+def _go_on(path, net, recipe) -> tuple[int, list]:
+    """As `_resume`, from weights of the same recipe until a restart; `InputError` if they are of another."""
+    tensors, card = load_weights(path, recipe.modality), load_card(path)
+    if card["recipe"] not in [json.loads(json.dumps(asdict(one))) for one in recipe.begun]:
+        raise InputError(f"{path}: not of this training's first steps ({card['command']}); leave out --go-on")
+    net.load_state_dict(tensors)
+    card["curve"][-1]["went_on_from"] = card["sha256"]
+    return card["recipe"]["steps"], card["curve"]
 
 
 def _checkpoint(path, net, adam, recipe, step, curve) -> None:

@@ -1,5 +1,8 @@
 """Worst and missed answers are found, and drawn where their images are."""
 
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -31,12 +34,12 @@ def folder_of(tmp_path):
     return tmp_path
 
 
-def test_worst_come_first_and_misses_are_spread(tmp_path):
+def test_worst_come_first_and_misses_are_drawn_by_lot(tmp_path):
     folder = folder_of(tmp_path)
     worst, missed = gallery.worst(folder, LABELS, 3), gallery.missed(folder, LABELS, 2)
     assert worst.position_error_m.is_monotonic_decreasing and len(worst) == 3
     assert worst.modality.iloc[0] == "event" and worst.in_view.all()
-    assert missed.position_error_m.isna().all() and missed.label.tolist() == ["mini-rgb", "mini-event"]
+    assert missed.position_error_m.isna().all() and len(missed) == 2
     assert gallery.missed(folder, LABELS, 100).label.value_counts().min() > 1
 
     rows = pd.concat([worst, missed])
@@ -60,11 +63,21 @@ def test_a_second_look_is_drawn_as_it_was_seen(tmp_path):
 
 def test_false_poses_are_all_poses_where_there_is_no_port(tmp_path):
     folder = folder_of(tmp_path)
-    false = gallery.false_poses(folder, ["mini"])
+    false = gallery.false_poses(folder, LABELS)
     poses = sum(
         e.T_cam_port is not None for m in LABELS for e in read_estimates(folder / f"estimates-{m}.csv")
     )
     assert len(false) == poses > 0 and set(false.label) == set(LABELS)
+
+
+def test_what_is_missed_in_all_is_missed_in_its_own_sequence(tmp_path):
+    """So pictures drawn sequence by sequence hold those of all together."""
+    folder = folder_of(tmp_path)
+    for kind in (gallery.worst, gallery.missed):
+        every = kind(folder, LABELS, 2)
+        own = pd.concat(kind(folder, {label: of}, 2) for label, of in LABELS.items())
+        assert len(every) == 2 < len(own)
+        assert len(own.merge(every, on=["label", "t_us"])) == 2
 
 
 def test_pictures_are_published_only_of_what_there_is(tmp_path):
@@ -74,7 +87,14 @@ def test_pictures_are_published_only_of_what_there_is(tmp_path):
     full = pd.read_csv(folder / "errors-mini-rgb.csv").assign(position_error_m=0.001)
     for label in LABELS:
         full.to_csv(folder / f"errors-{label}.csv", index=False)
-    gallery.publish(folder, target, {"mini-rgb": LABELS["mini-rgb"]}, 5.0, [], 5.0)
+    recording, labels = open_recording(folder / "mini.npz"), {"mini-rgb": LABELS["mini-rgb"]}
+    kept = gallery.keep(recording, folder, labels, 5.0)
+    kept += gallery.keep(replace(recording, truth=None), folder, LABELS, 5.0)
+    (folder / "mini.npz").unlink()
+    gallery.publish(folder, target, labels, {})
     assert [path.name for path in target.iterdir()] == ["worst.jpg"]
-    gallery.publish(folder, target, {"mini-rgb": LABELS["mini-rgb"]}, 5.0, ["mini"], 5.0)
+    gallery.publish(folder, target, labels, LABELS)
     assert sorted(path.name for path in target.iterdir()) == ["false.jpg", "worst.jpg"]
+    tile, sheet = plt.imread(kept[0]), plt.imread(target / "worst.jpg")
+    lines = -(-min(len(full), 10) // gallery.COLUMNS)
+    assert sheet.shape == (lines * tile.shape[0], gallery.COLUMNS * tile.shape[1], 3)

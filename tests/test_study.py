@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from conftest import facing_pose
 
-from lmmap import results, study
+from lmmap import results, study, tabulation
 from lmmap.accuracy import compare
-from lmmap.core import Camera, Ellipse, Estimate, Pose, Recording, Status, Trajectory
+from lmmap.core import Camera, Ellipse, Estimate, InputError, Pose, Recording, Status, Trajectory
+from lmmap.kept import pack, unpack
 from lmmap.trajectories import write_estimates
 
 T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
@@ -20,7 +21,7 @@ SPREAD = np.diag([1e-3] * 3 + [1e-2] * 3) ** 2
 def recorded(name, seconds, folder, report):
     t_us = np.arange(0, 3_000_001, 100_000)
     truth = Trajectory(t_us, Pose(np.repeat(T.rotation[None], 31, 0), np.repeat(T.position_m[None], 31, 0)))
-    frames = np.zeros((2, 260, 346, 3), np.uint8)
+    frames = np.full((2, 260, 346, 3), 128 * name.endswith("1"), np.uint8)
     times_us = np.array([0, 50_000])
     return Recording(
         name, Camera.davis346(), np.empty(0), frames, times_us, None if "empty" in name else truth
@@ -39,9 +40,10 @@ class Estimates:
             raise KeyboardInterrupt
         self.made.append(name)
         ellipse = Ellipse([170, 130], [40, 38], 0.1)
-        port = recording.truth is not None
+        port, turn = recording.truth is not None, len(recording.name) % 3
+        off = OFF[turn:] + OFF[:turn]
         found = [
-            Estimate(100_000 * k, Status.OK, OFF[k % 3], T, T, ellipse, covariance=SPREAD) if port
+            Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD) if port
             else Estimate(100_000 * k, Status.NO_RING)
             for k in range(30)
         ]  # fmt: skip
@@ -53,7 +55,7 @@ class Estimates:
 def quick(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "DERIVED", tmp_path)
     monkeypatch.setattr(study, "recorded", recorded)
-    monkeypatch.setattr(study, "DRAWS", 50)
+    monkeypatch.setattr(tabulation, "DRAWS", 50)
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
     monkeypatch.setattr(
@@ -101,13 +103,88 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
 
 
-def test_estimates_are_kept_by_all_that_makes_them():
-    def below(name):
-        source = (results.ROOT / "lmmap" / f"{name}.py").read_text()
-        modules = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.ImportFrom) and n.level]
-        named = {x for n in modules for x in ([n.module] if n.module else [a.name for a in n.names])}
-        return {name}.union(*map(below, named))
+@pytest.fixture
+def paper(quick, monkeypatch):
+    monkeypatch.setattr(study, "PUBLISHED", quick.parent / "published")
+    monkeypatch.setattr(study, "_estimates", Estimates())
+    study.reproduce("paper", print, pictures=picture)
+    return study.PUBLISHED
 
+
+def picture(recording, folder, labels, rate_hz):
+    path = folder / f"picture-{recording.name}.jpg"
+    path.write_text(" ".join(labels))
+    return [path]
+
+
+def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, monkeypatch):
+    assert sorted(p.stem for p in (paper / "sequences").glob("*")) == sorted(study.sequences_of("paper"))
+    tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
+    assert len(tables) == 10
+    other, left, lines = quick.parent / "other", Estimates(), []
+    monkeypatch.setattr(study, "DERIVED", other)
+    monkeypatch.setattr(study, "_estimates", left)
+    (paper / "sequences" / "test-low-1.zip").unlink()
+    assert study.reproduce("paper", lines.append, pictures=picture, go_on=True)
+    assert {name.split("-rgb")[0].split("-event")[0] for name in left.made} == {"test-low-1"}
+    assert {p.name: p.read_text() for p in paper.glob("*.csv")} == tables
+    assert (other / "paper" / "picture-empty-0.jpg").read_text() == "empty-0-rgb empty-0-event"
+    assert not (other / "paper" / "picture-hard-slow.jpg").exists()
+    assert not study.reproduce("paper", lines.append, go_on=True)
+
+
+def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, quick, monkeypatch):
+    made = Estimates()
+    monkeypatch.setattr(study, "_estimates", made)
+    study.reproduce("paper", print)
+    assert not made.made  # in the folder all is up to date
+    monkeypatch.setattr(study, "DERIVED", quick.parent / "repeated")
+    study.reproduce("paper", print)
+    everything = len(made.made)
+    assert everything == 9 * 4 + (2 + 3) * 2
+    monkeypatch.setattr(study, "OF_RESULTS", ["lmmap/core.py"])
+    monkeypatch.setattr(study, "DERIVED", quick.parent / "changed")
+    study.reproduce("paper", print, go_on=True)
+    assert len(made.made) == 2 * everything
+
+
+def test_damaged_packed_results_are_one_clear_error(paper, quick, monkeypatch):
+    path = paper / "sequences" / "test-low.zip"
+    path.write_bytes(path.read_bytes()[:200])
+    monkeypatch.setattr(study, "DERIVED", quick.parent / "other")
+    with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
+        study.reproduce("paper", print, go_on=True)
+
+
+def test_equal_results_pack_to_equal_bytes(tmp_path):
+    files = [tmp_path / name for name in ("b.csv", "a.csv")]
+    for file in files:
+        file.write_text(f"of {file.name}")
+    first = pack(tmp_path / "x.zip", files, tmp_path, "mark").read_bytes()
+    assert pack(tmp_path / "y.zip", files[::-1], tmp_path, "mark").read_bytes() == first
+    assert unpack(tmp_path / "y.zip", tmp_path / "out", "mark")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a.csv", "b.csv"]
+    assert not unpack(tmp_path / "y.zip", tmp_path / "none", "another")
+    assert not unpack(tmp_path / "z.zip", tmp_path / "none", "mark") and not (tmp_path / "none").exists()
+
+
+def below(name):
+    """A module and all that it imports."""
+    source = (results.ROOT / "lmmap" / f"{name}.py").read_text()
+    modules = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.ImportFrom) and n.level]
+    named = {x for n in modules for x in ([n.module] if n.module else [a.name for a in n.names])}
+    return {name}.union(*map(below, named))
+
+
+def test_results_are_kept_by_all_that_makes_them():
+    """But for the bootstrap, which comes after, and for how files are written."""
+    made_of = set().union(*map(below, ("accuracy", "fusion", "quality", "pipeline", "sequences")))
+    listed = {path[6:-3] for path in study.OF_RESULTS if path.startswith("lmmap/")}
+    assert made_of - listed == {"resampling", "results"} and listed - made_of == {"trajectories"} - made_of
+    assert len(set(study.OF_RESULTS)) == len(study.OF_RESULTS)
+
+
+def test_estimates_are_kept_by_all_that_makes_them():
     made_of = below("pipeline") | below("trajectories")
     assert sorted(study.OF_ESTIMATES) == sorted(f"lmmap/{name}.py" for name in made_of)
 

@@ -1,7 +1,7 @@
 """Training: the batches, and a run that was killed and went on."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from safetensors import safe_open
 
 from lmmap import augment, dataset, filters, training
 from lmmap.core import InputError
+from lmmap.filters import weight_path
 from lmmap.recipes import Recipe
 
 SHAPE = (100, 104)
@@ -126,6 +127,22 @@ def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
     for restart, said in (((5,), "--restart 5"), ((0,), "--restart 0"), ((3, 2), "--restart 3 2")):
         with pytest.raises(InputError, match=said):
             Recipe("ring", "event", steps=5, restart=restart)
+
+
+def test_without_its_checkpoint_a_longer_run_can_go_on_from_the_weights(toy):
+    ended = Recipe("ring", "event", steps=3, batch=2, warm_up=1)
+    longer = Recipe("ring", "event", steps=4, batch=2, warm_up=1, rate=1e-9, restart=(3,))
+    training.train(replace(ended, rate=longer.rate), toy, quiet)
+    path = weight_path("ring", "event")
+    first, sha256 = filters.load_weights(path, "event"), filters.load_card(path)["sha256"]
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    training.train(longer, toy, quiet, go_on=True)
+    last, curve = filters.load_weights(path, "event"), filters.load_card(path)["curve"]
+    assert all(torch.allclose(first[k], last[k], atol=1e-6) for k in first)
+    assert [p["step"] for p in curve] == [3, 4] and curve[0]["went_on_from"] == sha256
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    with pytest.raises(InputError, match="leave out --go-on"):
+        training.train(longer, toy, quiet, go_on=True)  # these are its own
 
 
 def test_another_start_is_another_run(toy):
