@@ -20,21 +20,22 @@ from tqdm import tqdm
 
 from lmmap.core import Estimate
 from lmmap.estimator import Estimator
-from lmmap.events import histogram, windows_at
+from lmmap.events import histogram, middle_us, windows_at
 from lmmap.geometry import in_view
 from lmmap.results import DATA, save_table
 from lmmap.sequences import sequence
+from lmmap.tracking import certain
 
 FACTORS = (1.0, 1.5, 2.0, 3.0)
 
 
 def seen_at(estimator: Estimator, window, truth_of) -> tuple[Estimate, bool, bool]:
     """The estimate from a window's events, whether it is right, and whether its region holds the truth."""
-    middle_us = (int(window["t_us"][0]) + int(window["t_us"][-1])) // 2
-    one = estimator(histogram(window["x"], window["y"], estimator.camera.size_px), middle_us)
+    t_us = middle_us(window)
+    one = estimator(histogram(window["x"], window["y"], estimator.camera.size_px), t_us)
     if one.T_cam_port is None:
         return one, False, False
-    truth = truth_of(middle_us)
+    truth = truth_of(t_us)
     nees = mahalanobis(difference(one.T_cam_port, truth, estimator.port)[None], one.covariance[None])
     return one, right(one.T_cam_port, truth, estimator.port), bool(nees[0] < chi2.ppf(0.95, 6))
 
@@ -48,14 +49,17 @@ def measured(estimator: Estimator, name: str) -> list[dict]:
         return seen.truth.at(np.clip([t_us], seen.truth.t_us[0], seen.truth.t_us[-1]))[0]
 
     for window in windows_at(seen.chunks(), RATE_HZ, count, int(max(FACTORS))):
-        middle_us = (int(window["t_us"][-count]) + int(window["t_us"][-1])) // 2
-        if len(window) < most or not in_view(truth_of(middle_us), estimator.port, seen.camera):
+        if len(window) < most or not in_view(
+            truth_of(middle_us(window[-count:])), estimator.port, seen.camera
+        ):
             continue
         for factor in FACTORS:
             one, good, inside = seen_at(estimator, window[-int(factor * count) :], truth_of)
             found = one.T_cam_port is not None
+            (sure,) = certain([one])
             rows.append({"light": sequence(name).light, "factor": factor, "images": 1, "found": found,
-                         "right": good, "inside": inside})  # fmt: skip
+                         "right": good, "inside": inside, "certain": sure,
+                         "certain_right": sure and good})  # fmt: skip
             if factor == 1 and found:
                 break
     return rows

@@ -110,14 +110,19 @@ def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
     return np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
+def middle_us(events) -> int:
+    """The middle of a window's span: the time of its histogram."""
+    return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2
+
+
 def looks(events, count: int, size_px: tuple[int, int], after_us: int | None = None) -> list[tuple]:
     """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last `WIDER` times as many,
     if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events' span."""
     found = []
     for some in (events[-number:] for number in (count, int(WIDER * count)) if number <= len(events)):
-        middle_us = (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2
-        if not found or after_us is None or middle_us > after_us:
-            found.append((middle_us, histogram(some["x"], some["y"], size_px)))
+        t_us = middle_us(some)
+        if not found or after_us is None or t_us > after_us:
+            found.append((t_us, histogram(some["x"], some["y"], size_px)))
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import odometry
 from .core import PAPER, Camera, InputError, Recording
-from .events import histogram, windows_before
+from .events import histogram, middle_us, windows_before
 from .recordings import open_recording, write_recording
 from .trajectories import read_trajectory, write_trajectory
 
@@ -57,10 +57,7 @@ def event_frames(recording: Recording, rate_hz: float = FRAME_HZ):
     for window in windows_before(e, ticks, PAPER.events_per_window):
         if window is not None:
             some = e[window]
-            yield (
-                (int(some["t_us"][0]) + int(some["t_us"][-1])) // 2,
-                event_frame(some, recording.camera.size_px),
-            )
+            yield middle_us(some), event_frame(some, recording.camera.size_px)
 
 
 def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, int]:
