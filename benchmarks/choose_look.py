@@ -49,9 +49,8 @@ def measured(estimator: Estimator, name: str) -> list[dict]:
         return seen.truth.at(np.clip([t_us], seen.truth.t_us[0], seen.truth.t_us[-1]))[0]
 
     for window in windows_at(seen.chunks(), RATE_HZ, count, int(max(FACTORS))):
-        if len(window) < most or not in_view(
-            truth_of(middle_us(window[-count:])), estimator.port, seen.camera
-        ):
+        truth = truth_of(middle_us(window[-count:]))
+        if len(window) < most or not in_view(truth, estimator.port, seen.camera):
             continue
         for factor in FACTORS:
             one, good, inside = seen_at(estimator, window[-int(factor * count) :], truth_of)
