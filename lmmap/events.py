@@ -8,7 +8,7 @@ import numpy as np
 
 from .core import EVENT, PAPER
 
-WIDER = 1.5  # times N: what is looked at where N show no port, by `python benchmarks/choose_look.py`
+WIDER = 2.0  # times N: what is looked at where N show no port, by `python benchmarks/choose_look.py`
 
 
 def windows(events, count: int = PAPER.events_per_window) -> list[slice]:

@@ -21,7 +21,7 @@ from .geometry import circle_conic, project
 # than their scatter; and the factor that makes the covariance honest where the markers' score is 1, for masks
 # err in more than that.  By `python benchmarks/calibrate_uncertainty.py`, outside training and test.
 MARKER_SIGMA_PX = {"rgb": 1.4, "event": 1.7}
-INFLATION = {"rgb": 0.72, "event": 0.61}
+INFLATION = {"rgb": 0.72, "event": 0.63}
 
 SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
