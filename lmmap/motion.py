@@ -26,12 +26,12 @@ class Motion:
     """What the filter assumes; all but the gate by `python benchmarks/tune_fusion.py`."""
 
     acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
-    acceleration_rad: float = 0.1  # rad / s^1.5
+    acceleration_rad: float = 0.2  # rad / s^1.5
     correlation_s: float = 0.05  # of a camera's errors
     speed_m_s: float = 0.05  # standard deviation along each axis when nothing is known yet
     rate_rad_s: float = 0.18
     gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)
-    lost_s: float = 0.3  # without an accepted estimate: the next one starts anew
+    lost_s: float = 0.2  # without an accepted estimate: the next one starts anew
 
     def repetition(self, dt_s: float) -> float:
         """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:

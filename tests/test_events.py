@@ -105,15 +105,15 @@ def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz,
             np.testing.assert_array_equal(got, e[max(0, s.stop - times * count) : s.stop])
 
 
-def test_looks_are_the_last_events_and_half_as_many_more():
-    assert WIDER == 1.5
+def test_looks_are_the_last_events_and_as_many_more():
+    assert WIDER == 2
     e = np.zeros(8, EVENT)
     e["t_us"], e["x"] = 10 * np.arange(8), np.arange(8)
     (first_us, few), (wider_us, many) = looks(e, 4, (8, 1))
-    assert (first_us, wider_us) == (55, 45)
-    assert few.tolist() == [[0, 0, 0, 0, 1, 1, 1, 1]] and many.tolist() == [[0, 0, 1, 1, 1, 1, 1, 1]]
-    assert len(looks(e, 4, (8, 1), after_us=44)) == 2
-    assert [t for t, _ in looks(e, 4, (8, 1), after_us=45)] == [55]  # times only rise
+    assert (first_us, wider_us) == (55, 35)
+    assert few.tolist() == [[0, 0, 0, 0, 1, 1, 1, 1]] and many.tolist() == [[1] * 8]
+    assert len(looks(e, 4, (8, 1), after_us=34)) == 2
+    assert [t for t, _ in looks(e, 4, (8, 1), after_us=35)] == [55]  # times only rise
     assert [t for t, _ in looks(e, 6, (8, 1))] == [45]  # not yet so many
 
 
