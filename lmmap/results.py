@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "data"
 DERIVED = DATA / "derived"
 # all that a chapter's output depends on besides its own cells: of results tables and pictures, no archives
-OF_PAGES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json", "data/results/**/*.[cj]*",
-            "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
+OF_PAGES = ("lmmap/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
+            "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
