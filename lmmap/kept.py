@@ -19,7 +19,7 @@ def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
     part = path.with_name(path.name + ".part")
     with zipfile.ZipFile(part, "w") as archive:
         entries = {str(f.relative_to(folder)): f.read_bytes() for f in sorted(files)} | {MARK: mark.encode()}
-        for name, content in entries.items():  # an entry of its own date is the file's
+        for name, content in entries.items():  # a ZipInfo's date is fixed, a file's own is not
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_LZMA)
     os.replace(part, path)
     return path

@@ -113,6 +113,7 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert code == 0 and "from the hand-eye file" in out and not err
     found, wanted = Rig.load(rig), standin.RIG
     assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
+    assert 0 < found.calibrated["port_sigma_mm"] < 3
     assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
     assert found.calibrated["recordings"] == ["normal__train.bag"]
     for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
