@@ -245,15 +245,17 @@ def train(a) -> None:
 
 
 def reproduce(a) -> None:
+    paper = a.profile == "paper"
+    if a.go_on and (a.data or not paper):
+        raise InputError("--go-on: only the paper profile's results on the bench are packed; "
+                         "give --profile paper and no --data, or leave it out")  # fmt: skip
     if a.data:
         field.reproduce(a)
         return
-    if a.profile != "paper":
-        study.reproduce(a.profile, jobs=a.jobs)
-        return
     from . import gallery  # matplotlib takes a second to import
 
-    changed = study.reproduce(a.profile, jobs=a.jobs, pictures=gallery.keep, go_on=a.go_on)
-    if changed or not (study.PUBLISHED / "worst.jpg").exists():
+    pictures = gallery.keep if paper else None
+    changed = study.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
+    if paper and (changed or not (study.PUBLISHED / "worst.jpg").exists()):
         labels, empty = study.labels_of(a.profile), study.empty_labels(a.profile)
         gallery.publish(DERIVED / a.profile, study.PUBLISHED, labels, empty)

@@ -30,6 +30,14 @@ def coverage(tables: Sequence[pd.DataFrame], draws: int, seed: int = 0) -> dict:
             "wrong_percent": wrong_percent}  # fmt: skip
 
 
+def of_sequence(table: pd.DataFrame) -> dict:
+    """Of one sequence's `errors`: percent of the images with the ring in view that have a pose, the medians,
+    and percent of poses whose 95 % region holds the true one."""
+    found = table.position_error_m.notna()[table.in_view]
+    inside = coverage([table], draws=0)["inside_95_percent"]
+    return {"found_percent": 100 * found.mean(), **table[list(METRICS)].median(), "inside_95_percent": inside}
+
+
 def distribution(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Quantiles of `errors`' poses: ``percent`` (0 to 100), a column per error, per error of the printed
     formula (``paper_``), and of ``nees``; NaN where none has one."""

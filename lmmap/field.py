@@ -216,7 +216,7 @@ def train(a) -> None:
         for name, modality in product(names, modalities):
             recipe = Recipe(name, modality, gap, a.seed, **chosen, data=out.parent.name)
             path = out / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
-            training.train(recipe, folder, lambda line: print(line, flush=True), path, pieces)
+            training.train(recipe, folder, lambda line: print(line, flush=True), path, pieces, go_on=a.go_on)
             print(f"{path}: written")
 
 

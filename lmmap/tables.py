@@ -93,6 +93,16 @@ def of_coverage(covered: pd.DataFrame) -> pd.DataFrame:
     return wide.rename_axis(index=None, columns=None)
 
 
+def of_sequences(table: pd.DataFrame):
+    """`distributions.of_sequence` by ``sequence`` and ``modality`` in words, styled."""
+    words = {key: WORDS[key, "median"] for key in ("position_error_m", "normal_error_deg")}
+    words |= {"found_percent": WORDS["detection_rate_percent", "in_fov"],
+              "inside_95_percent": "inside the 95 % region (%)"}  # fmt: skip
+    told = table.assign(position_error_m=1e3 * table.position_error_m, camera=table.modality.map(CAMERAS))
+    told = told.sort_values("sequence", kind="stable").set_index(["sequence", "camera"])[list(words)]
+    return told.rename(columns=words).rename_axis(index=(None, None)).style.format(precision=2)
+
+
 def of_fusion(apart: pd.DataFrame) -> pd.DataFrame:
     """`distributions.against_better` by ``light`` in words: a row per light and median error, which camera is
     the better one, and by how much the fused track is above it, in brackets the 95 % interval."""

@@ -51,11 +51,17 @@ def _of_errors(folder: Path, names: list[str], light: str, gap: str) -> dict[str
         "distribution": {m: distributions.distribution(some) for m, some in of.items()},
         "answers": {m: distributions.answers(some) for m, some in of.items()},
         "promise": {m: distributions.promise(some) for m, some in of.items()},
+        "by_sequence": {m: _by_sequence(names, some) for m, some in of.items()},
         "coverage": {m: pd.DataFrame([distributions.coverage(some, DRAWS, SEED)]) for m, some in of.items()},
     }
     tables = {name: pd.concat(t.assign(modality=m) for m, t in by.items()) for name, by in every.items()}
     tables["fusion"] = distributions.against_better(of, DRAWS, SEED)
     return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
+
+
+def _by_sequence(names: list[str], errors: list[pd.DataFrame]) -> pd.DataFrame:
+    rows = [distributions.of_sequence(t) for t in errors]
+    return pd.DataFrame(rows).assign(sequence=names)
 
 
 def _saturated(folder: Path, names: list[str], light: str) -> pd.DataFrame:

@@ -141,6 +141,13 @@ def test_settings_that_are_none(refused):
     assert "video" in refused(MINI, "--video", "film.gif")
 
 
+def test_only_the_paper_profile_is_packed(capsys):
+    for asked in (["--profile", "quick"], ["--profile", "paper", "--data", "bags"]):
+        assert cli.main(["reproduce", "--go-on", *asked]) == 1
+        out, err = capsys.readouterr()
+        assert out == "" and re.fullmatch("lmmap: --go-on: .+; .+\n", err)
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
 def test_disk_full(refused):
     assert "No space left" in refused(MINI, "--rate", "5", output="/dev/full")

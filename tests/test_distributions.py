@@ -17,6 +17,14 @@ def test_coverage_counts_the_poses_inside():
     assert 0 <= found["low"] <= found["inside_95_percent"] <= found["high"] <= 100
 
 
+def test_a_sequence_alone():
+    errors = {metric: [1.0, 3.0, np.nan, 5.0] for metric in distributions.METRICS}
+    table = pd.DataFrame({"in_view": [True, True, True, False], "nees": [0.0, 99.0, np.nan, 1.0], **errors})
+    found = distributions.of_sequence(table)
+    assert found["found_percent"] == found["inside_95_percent"] == pytest.approx(200 / 3)
+    assert found["position_error_m"] == found["rotation_error_deg"] == 3
+
+
 def test_versus_is_a_paired_difference():
     t_us = np.arange(60) * 100_000
     error = np.random.default_rng(2).uniform(0, 1, 60)

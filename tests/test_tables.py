@@ -51,6 +51,21 @@ def test_hard_cases_by_hand():
     assert table["ellipse, ours (%)"].isna().tolist() == [False, True]
 
 
+def test_sequences_stand_by_name_with_their_cameras_together():
+    rows = [(f"test-low-{k}", m, 1e-3 * (k + 1), k, 99, 90) for m in tables.CAMERAS for k in range(2)]
+    names = [
+        "sequence",
+        "modality",
+        "position_error_m",
+        "normal_error_deg",
+        "found_percent",
+        "inside_95_percent",
+    ]
+    told = tables.of_sequences(pd.DataFrame(rows, columns=names)).data
+    assert told.index.tolist() == list(product(["test-low-0", "test-low-1"], tables.CAMERAS.values()))
+    assert told.loc[("test-low-1", "fused")].tolist() == [2, 1, 99, 90]
+
+
 def test_seeds_stand_one_under_the_other():
     cells = product(range(3), ("low", "medium", "high"), ("rgb", "event"), tables.WORDS, ("exact", "printed"))
     rows = [(*at, metric, statistic, variant, 1e-3 * (k + 1), 1e-3 * k, 1e-3 * (k + 2))
