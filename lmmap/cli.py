@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import warnings
-from itertools import product
 from pathlib import Path
 
 import shtab
-from tqdm import tqdm
 
 from . import commands as work
-from . import field, photometry, reference, sequences, simulation, study, vo
-from .core import Camera, InputError
+from . import field, reference, sequences, vo, workbench
+from .core import InputError
 from .filters import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
-from .recipes import Recipe
 from .recordings import WRITERS
-from .results import DERIVED, profile, save_json
+from .results import profile
 
 EXAMPLES = """examples:
   lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
@@ -87,7 +83,9 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=run)
         return sub
 
-    sub = command("simulate", simulate, "record sequences of the bench, with their ground truth beside them")
+    sub = command(
+        "simulate", workbench.simulate, "record sequences of the bench, with their ground truth beside them"
+    )
     sub.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
     field.arguments(sub)
     sub.add_argument("--seconds", type=float, help="length (default: the profile's)")
@@ -98,7 +96,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("-o", "--output", type=Path,
                      help=f"FILE ending in {', '.join(WRITERS)}; {{}} stands for the sequence")  # fmt: skip
 
-    sub = command("photometry", photometric, "calibrate exposure and lamps to the paper's saturation rows")
+    sub = command(
+        "photometry", workbench.calibrate, "calibrate exposure and lamps to the paper's saturation rows"
+    )
     sub.add_argument("-o", "--output", type=Path, help="a JSON file for the result and its provenance")
 
     text = "estimate the port's pose in each frame or histogram of a recording"
@@ -133,7 +133,7 @@ def _parser() -> argparse.ArgumentParser:
                   "print the completion script of a shell", COMPLETION)  # fmt: skip
     sub.add_argument("shell", choices=shtab.SUPPORTED_SHELLS)
 
-    sub = command("train", train, "train the filters on the bench; an interrupted run goes on")
+    sub = command("train", workbench.train, "train the filters on the bench; an interrupted run goes on")
     sub.add_argument("--filter", choices=FILTERS, help="default: both")
     sub.add_argument("--modality", choices=tuple(CHANNELS), help="default: both")
     sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="default: all")
@@ -145,7 +145,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--go-on", action="store_true", help="from the weights there, which end at a restart")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
-    sub = command("reproduce", reproduce, "regenerate every result of the book")
+    sub = command("reproduce", workbench.reproduce, "regenerate every result of the book")
     sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
     sub.add_argument("--go-on", action="store_true", help="take a sequence's packed results where they hold")
@@ -177,85 +177,3 @@ def _estimation(sub, required: bool, fused: bool = False) -> None:
     gap = f"filters trained on this (default: {default})"
     sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=default, help=gap)
     sub.add_argument("--weights", metavar="FOLDER", help="filters of your own, named as ours")
-
-
-def _check_folder(path: Path) -> None:
-    """Before the work, not after it."""
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no folder {path.parent}; make it first")
-
-
-def simulate(a) -> None:
-    if a.as_published:
-        field.simulate(a)
-        return
-    if not (a.sequence and a.output):
-        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
-    if a.output.suffix not in WRITERS:
-        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
-    if len(a.sequence) > 1 and "{}" not in a.output.name:
-        raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
-    _check_folder(a.output)
-    camera = Camera.load(a.camera) if a.camera else None
-    jobs = [(name, sequences.duration_s(sequences.sequence(name), a.seconds, a.profile),
-             a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
-    if a.jobs > 1 or a.scheduler:
-        if camera:
-            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
-        for path, events, frames in tqdm(
-            simulation.record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs)
-        ):
-            tqdm.write(f"{path}: {events} events, {frames} frames")
-        return
-    for name, seconds, path in jobs:
-        with tqdm(total=seconds, desc=name, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
-            events, frames = simulation.record(
-                name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera
-            )
-            bar.update(seconds - bar.n)
-        print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
-
-
-def photometric(a) -> None:
-    if a.output:
-        _check_folder(a.output)
-    result = photometry.calibrate(lambda line: print(line, file=sys.stderr))
-    if a.output:
-        save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
-    print(json.dumps(result, indent=1))
-
-
-def train(a) -> None:
-    if a.data:
-        field.train(a)
-        return
-    from . import training  # torch's optimisers take a second to import, and only this command needs them
-
-    gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
-    names = [a.filter] if a.filter else FILTERS
-    modalities = [a.modality] if a.modality else CHANNELS
-    for gap, name, modality in product(gaps, names, modalities):
-        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
-        changes = {key: value for key, value in asked.items() if value is not None}
-        recipe = Recipe.shipped(name, modality, gap, **changes)
-        path = training.train(
-            recipe, DERIVED / "training", lambda line: print(line, flush=True), go_on=a.go_on
-        )
-        print(f"{path}: written")
-
-
-def reproduce(a) -> None:
-    paper = a.profile == "paper"
-    if a.go_on and (a.data or not paper):
-        raise InputError("--go-on: only the paper profile's results on the bench are packed; "
-                         "give --profile paper and no --data, or leave it out")  # fmt: skip
-    if a.data:
-        field.reproduce(a)
-        return
-    from . import gallery  # matplotlib takes a second to import
-
-    pictures = gallery.keep if paper else None
-    changed = study.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
-    if paper and (changed or not (study.PUBLISHED / "worst.jpg").exists()):
-        labels, empty = study.labels_of(a.profile), study.empty_labels(a.profile)
-        gallery.publish(DERIVED / a.profile, study.PUBLISHED, labels, empty)

@@ -1,0 +1,103 @@
+"""What the ``lmmap`` command does on the bench: simulate, photometry, train, reproduce."""
+
+from __future__ import annotations
+
+import json
+import sys
+from itertools import product
+from pathlib import Path
+
+from tqdm import tqdm
+
+from . import field, photometry, sequences, simulation, study
+from .core import Camera, InputError
+from .filters import CHANNELS, DOMAIN_GAPS, FILTERS
+from .recipes import Recipe
+from .recordings import WRITERS
+from .results import DERIVED, save_json
+
+
+def _check_folder(path: Path) -> None:
+    """Before the work, not after it."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no folder {path.parent}; make it first")
+
+
+def simulate(a) -> None:
+    """Sequences of the bench to files."""
+    if a.as_published:
+        field.simulate(a)
+        return
+    if not (a.sequence and a.output):
+        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
+    if a.output.suffix not in WRITERS:
+        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
+    if len(a.sequence) > 1 and "{}" not in a.output.name:
+        raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
+    _check_folder(a.output)
+    camera = Camera.load(a.camera) if a.camera else None
+    jobs = [(name, sequences.duration_s(sequences.sequence(name), a.seconds, a.profile),
+             a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
+    if a.jobs > 1 or a.scheduler:
+        if camera:
+            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
+        for path, events, frames in tqdm(
+            simulation.record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs)
+        ):
+            tqdm.write(f"{path}: {events} events, {frames} frames")
+        return
+    for name, seconds, path in jobs:
+        with tqdm(total=seconds, desc=name, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+            events, frames = simulation.record(
+                name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera
+            )
+            bar.update(seconds - bar.n)
+        print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
+
+
+def calibrate(a) -> None:
+    """Exposure and lamps."""
+    if a.output:
+        _check_folder(a.output)
+    result = photometry.calibrate(lambda line: print(line, file=sys.stderr))
+    if a.output:
+        save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
+    print(json.dumps(result, indent=1))
+
+
+def train(a) -> None:
+    """The filters that were asked for, one after the other."""
+    if a.data:
+        field.train(a)
+        return
+    from . import training  # torch's optimisers take a second to import, and only this command needs them
+
+    gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
+    names = [a.filter] if a.filter else FILTERS
+    modalities = [a.modality] if a.modality else CHANNELS
+    for gap, name, modality in product(gaps, names, modalities):
+        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
+        changes = {key: value for key, value in asked.items() if value is not None}
+        recipe = Recipe.shipped(name, modality, gap, **changes)
+        path = training.train(
+            recipe, DERIVED / "training", lambda line: print(line, flush=True), go_on=a.go_on
+        )
+        print(f"{path}: written")
+
+
+def reproduce(a) -> None:
+    """The accuracy study of a profile, or a folder of bags'."""
+    paper = a.profile == "paper"
+    if a.go_on and (a.data or not paper):
+        raise InputError("--go-on: only the paper profile's results on the bench are packed; "
+                         "give --profile paper and no --data, or leave it out")  # fmt: skip
+    if a.data:
+        field.reproduce(a)
+        return
+    from . import gallery  # matplotlib takes a second to import
+
+    pictures = gallery.keep if paper else None
+    changed = study.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
+    if paper and (changed or not (study.PUBLISHED / "worst.jpg").exists()):
+        labels, empty = study.labels_of(a.profile), study.empty_labels(a.profile)
+        gallery.publish(DERIVED / a.profile, study.PUBLISHED, labels, empty)
