@@ -30,6 +30,7 @@ ESTIMATORS = {
     "fused": "fused",
 }
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
+GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 CELL, INTERVAL = ["metric", "statistic", "light", "modality"], ("value", "low", "high")
 FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)", "stray": "astray", "missed": "missed"}
@@ -45,6 +46,36 @@ def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,
         ends = (compared.get(column + end, nothing) for end in ("", "_low", "_high"))
         parts.append(compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), by=estimator))
     return _wide(pd.concat(parts), statistics, list(estimators.values()))
+
+
+def of_differences(compared: pd.DataFrame):
+    """In how many cells of `accuracy.compare` the paper's value lies in our 95 % interval, and in how many of
+    the others ours is better or worse, styled: a row per metric, columns by domain gap."""
+    more_is_better = compared.metric == "detection_rate_percent"
+    inside = compared.published.between(compared.ours_low, compared.ours_high)
+    better = (compared.ours > compared.published) == more_is_better
+    told = compared.assign(
+        of=[WORDS[key] for key in zip(compared.metric, compared.statistic, strict=True)],
+        ours=np.select([inside, better], ["alike", "better"], "worse"),
+    )
+    counts = told.groupby(["of", "training", "ours"]).size().unstack(["training", "ours"], fill_value=0)
+    columns = list(product(GAPS, ("better", "alike", "worse")))
+    counts = counts.reindex(index=list(WORDS.values()), columns=columns, fill_value=0)
+    return counts.rename(GAPS, axis=1).rename_axis(index=None, columns=(None, None)).style
+
+
+def of_found(answers: pd.DataFrame, compared: pd.DataFrame):
+    """Percent of the images with the ring in view that have a pose in the paper, a pose of ours, at least an
+    ellipse of ours, styled: of `accuracy.compare`, and of `distributions.answers` by what that has."""
+    rows = {"published": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
+    cell, cameras = ["training", "light", "modality"], ("rgb", "event")
+    counts = answers.assign(ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers"]), 0))
+    counts = counts.groupby(cell)[["ellipse", "in_view"]].sum()
+    rates = compared.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
+    rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])
+    rates = rates.reindex(index=list(product(GAPS, rows)), columns=list(product(LIGHTS, cameras)))
+    wide = rates.rename(GAPS | rows).rename(LIGHTS | CAMERAS, axis=1)
+    return wide.rename_axis(index=(None, None), columns=(None, None)).style.format(precision=1)
 
 
 def of_seeds(table: pd.DataFrame) -> pd.DataFrame:

@@ -41,6 +41,28 @@ def test_a_table_says_in_words_what_the_numbers_say(compared):
         assert of.fused == of.certain == "none"
 
 
+def test_differences_are_counted(compared):
+    ends = dict(ours_low=compared.published, ours_high=compared.published + 1)
+    counts = tables.of_differences(compared.assign(ours=compared.published + 0.5, **ends)).data
+    assert counts["low domain gap", "alike"].tolist() == [6] * len(tables.WORDS)
+    ends = dict(ours_low=compared.published + 1, ours_high=compared.published + 3)
+    counts = tables.of_differences(compared.assign(ours=compared.published + 2, **ends)).data[
+        "low domain gap"
+    ]
+    found = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
+    assert counts.better.tolist() == (6 * found).tolist() and counts.worse.tolist() == (6 * ~found).tolist()
+
+
+def test_an_ellipse_without_markers_is_found_as_the_paper_counts(compared):
+    cells = compared[["training", "light", "modality"]].drop_duplicates()
+    answers = cells.merge(
+        pd.DataFrame({"status": ["ok", "no_markers", "no_ring"], "in_view": [5, 4, 1]}), "cross"
+    )
+    told = tables.of_found(answers, compared).data["low light", "frames"].loc["low domain gap"]
+    paper = compared.query("light == 'low' and modality == 'rgb' and statistic == 'in_fov'").published.item()
+    assert told.tolist() == pytest.approx([paper, 2 * paper, 90])
+
+
 def test_hard_cases_by_hand():
     index = pd.MultiIndex.from_product([["hard-slow", "test-low"], ["rgb", "fused"]])
     counts = pd.DataFrame({"images": 40, "ellipses": [30, 0, 9, 9], "poses": [20, 40, 9, 9]}, index)
