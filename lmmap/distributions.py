@@ -38,6 +38,15 @@ def of_sequence(table: pd.DataFrame) -> dict:
     return {"found_percent": 100 * found.mean(), **table[list(METRICS)].median(), "inside_95_percent": inside}
 
 
+def by_view(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Root mean squares of `errors`' poses, and their number ``poses``, by ``in_view``: whether the image has
+    the whole ring."""
+    found = pd.concat(tables).dropna(subset=METRICS[0])
+    views = found.groupby("in_view")[list(METRICS)]
+    squares = views.agg(lambda error: np.sqrt((error**2).mean()))
+    return squares.assign(poses=views.size()).reset_index()
+
+
 def distribution(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Quantiles of `errors`' poses: ``percent`` (0 to 100), a column per error, per error of the printed
     formula (``paper_``), and of ``nees``; NaN where none has one."""

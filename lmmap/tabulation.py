@@ -50,6 +50,7 @@ def _of_errors(folder: Path, names: list[str], light: str, gap: str) -> dict[str
         "summary": cells,
         "distribution": {m: distributions.distribution(some) for m, some in of.items()},
         "answers": {m: distributions.answers(some) for m, some in of.items()},
+        "by_view": {m: distributions.by_view(some) for m, some in of.items()},
         "promise": {m: distributions.promise(some) for m, some in of.items()},
         "by_sequence": {m: _by_sequence(names, some) for m, some in of.items()},
         "coverage": {m: pd.DataFrame([distributions.coverage(some, DRAWS, SEED)]) for m, some in of.items()},

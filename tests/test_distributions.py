@@ -25,6 +25,14 @@ def test_a_sequence_alone():
     assert found["position_error_m"] == found["rotation_error_deg"] == 3
 
 
+def test_a_ring_cut_by_the_edge_counts_apart():
+    errors = {metric: [3.0, 4.0, np.nan, 7.0] for metric in distributions.METRICS}
+    table = pd.DataFrame({"in_view": [True, True, True, False], **errors})
+    found = distributions.by_view([table, table]).set_index("in_view")
+    assert found.poses.to_dict() == {True: 4, False: 2}
+    assert found.position_error_m.to_dict() == pytest.approx({True: 12.5**0.5, False: 7})
+
+
 def test_versus_is_a_paired_difference():
     t_us = np.arange(60) * 100_000
     error = np.random.default_rng(2).uniform(0, 1, 60)

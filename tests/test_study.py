@@ -120,7 +120,7 @@ def picture(recording, folder, labels, rate_hz):
 def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, monkeypatch):
     assert sorted(p.stem for p in (paper / "sequences").glob("*")) == sorted(study.sequences_of("paper"))
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 11
+    assert len(tables) == 12
     other, left, lines = quick.parent / "other", Estimates(), []
     monkeypatch.setattr(study, "DERIVED", other)
     monkeypatch.setattr(study, "_estimates", left)
