@@ -20,6 +20,7 @@ import pandas as pd
 from lmmap import odometry, simulation, study, vo
 from lmmap.core import Port, Trajectory
 from lmmap.estimator import Estimator
+from lmmap.filters import best_precision
 from lmmap.pipeline import estimate
 from lmmap.recordings import open_recording
 from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
@@ -33,8 +34,6 @@ TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far 
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
 RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py"}
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
-ESTIMATING = ("core", "geometry", "conics", "events", "ellipse", "contour", "circle", "uncertainty", "yaw",
-              "joint", "tracking", "filters", "pipeline", "odometry")  # fmt: skip
 
 
 def say(line: str) -> None:
@@ -127,8 +126,8 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    modules = [f"lmmap/{module}.py" for module in ESTIMATING]
-    kept(path, mark + fingerprint(patterns=(*modules, "data/weights/*-low.*")), make)
+    own = (*study.OF_ESTIMATES, "lmmap/odometry.py", f"data/weights/*-{modality}-low.*", "environment.txt")
+    kept(path, mark + fingerprint(best_precision(), patterns=own), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
