@@ -47,13 +47,15 @@ def page_fingerprint(root: Path = ROOT) -> str:
 
 
 def commit() -> str:
-    """The commit of the checkout, with '+' when tracked files differ from it; 'unknown' without git."""
+    """The commit of the checkout, with '+' when tracked files other than results differ from it; 'unknown'
+    without git."""
     git = ["git", "-C", str(ROOT)]
     try:
         head = subprocess.run(
             [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True
         )
-        clean = subprocess.run([*git, "diff", "--quiet", "HEAD"], check=False).returncode == 0
+        made_of = ["--", ".", ":!data/results"]
+        clean = subprocess.run([*git, "diff", "--quiet", "HEAD", *made_of], check=False).returncode == 0
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
     return head.stdout.strip() + ("" if clean else "+")

@@ -1,6 +1,7 @@
 """Results: whole or absent, with provenance, and out of date when what made them changes."""
 
 import json
+import subprocess
 
 import numpy as np
 import pandas as pd
@@ -56,3 +57,18 @@ def test_profile_is_the_makefiles(monkeypatch):
     assert results.profile() == "quick"
     monkeypatch.setenv("PROFILE", "paper")
     assert results.profile() == "paper"
+
+
+def test_a_commit_is_marked_where_what_makes_results_differs_from_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(results, "ROOT", tmp_path)
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=x", "-c", "user.email=x@y"]
+    module, table = tmp_path / "a.py", tmp_path / "data" / "results" / "a.csv"
+    table.parent.mkdir(parents=True)
+    module.write_text("1"), table.write_text("1")
+    for what in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "x"]):
+        subprocess.run([*git, *what], check=True)
+    head = results.commit()
+    table.write_text("2")
+    assert len(head) == 12 and results.commit() == head
+    module.write_text("2")
+    assert results.commit() == head + "+"
