@@ -119,4 +119,4 @@ vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) besid
 
 clean:  ## remove the book, derived data and caches; .venv stays
 	rm -rf _build data/derived .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find lmmap tests book benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find lmmap tests book benchmarks tuning -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 
-from lmmap import dvs, sequences, shading
-from lmmap.core import Camera, Port
+from lmmap.bench import event_sensor, renderer, sequences
+from lmmap.types import Camera, Port
 
 SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
 
@@ -35,12 +35,12 @@ def stages(repeats: int = 15) -> None:
     (solid, skin), lamps = sequences.panel(seq, port), sequences.lamps(seq)
     poses = sequences.motion(seq, np.arange(repeats + 1) * 0.01)
     still = sequences.backdrop(seq, camera, lamps.intensity[:, 0].sum())
-    mono, rays = shading.grey(skin, lamps, still), [shading.ray_grid(camera, n) for n in (1, 2)]
-    sensor, rng = dvs.EventSensor(camera, dvs.Sensor(), seq.rng("events")), seq.rng("frame")
+    mono, rays = renderer.grey(skin, lamps, still), [renderer.ray_grid(camera, n) for n in (1, 2)]
+    sensor, rng = event_sensor.EventSensor(camera, event_sensor.Sensor(), seq.rng("events")), seq.rng("frame")
     walls = {"event image": [], "lens": [], "event sensor": [], "colour image": [], "exposure": []}
 
     def look(what, pose, ray):
-        return shading.render(solid, what[0], what[1], pose, ray, what[2])[0]
+        return renderer.render(solid, what[0], what[1], pose, ray, what[2])[0]
 
     def timed(name, function):
         start = time.perf_counter()
@@ -50,10 +50,10 @@ def stages(repeats: int = 15) -> None:
 
     for i, pose in enumerate(poses):
         light = timed("event image", lambda p=pose: look(mono, p, rays[0]))
-        light = timed("lens", lambda x=light: shading.lens(x, sequences.LENS_BLUR_PX))
+        light = timed("lens", lambda x=light: renderer.lens(x, sequences.LENS_BLUR_PX))
         timed("event sensor", lambda x=light, i=i: sensor(x * (255 * sequences.GAIN), 10_000 * (i + 1)))
         colour = timed("colour image", lambda p=pose: look((skin, lamps, still), p, rays[1]))
-        timed("exposure", lambda x=colour: shading.expose(x, sequences.GAIN, rng))
+        timed("exposure", lambda x=colour: renderer.expose(x, sequences.GAIN, rng))
     for name, wall in walls.items():
         print(f"{name:14} {np.median(wall[1:]):6.2f} ms")
 

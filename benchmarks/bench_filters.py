@@ -12,13 +12,13 @@ import numpy as np
 import plain
 import torch
 
-from lmmap.core import PAPER
-from lmmap.estimator import Estimator, markers_box_px
-from lmmap.filters import FILTERS, PRECISIONS, best_precision
-from lmmap.pipeline import images
-from lmmap.quality import iou
-from lmmap.recordings import open_recording
-from lmmap.results import DATA
+from lmmap.pipeline.estimator import Estimator, markers_box_px
+from lmmap.pipeline.network import FILTERS, PRECISIONS, best_precision
+from lmmap.pipeline.run import images
+from lmmap.provenance import DATA
+from lmmap.recordings.formats import open_recording
+from lmmap.training.mask_quality import iou
+from lmmap.types import PAPER
 
 ROUNDS = 21
 

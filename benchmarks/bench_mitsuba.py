@@ -19,10 +19,11 @@ import mitsuba_scene as peer
 import numpy as np
 import pandas as pd
 
-from lmmap import laboratory, results, scene, sequences, shading
-from lmmap.core import Camera, Port
-from lmmap.geometry import in_view
-from lmmap.quality import iou
+from lmmap import provenance
+from lmmap.bench import cad, laboratory, renderer, sequences
+from lmmap.geometry.projection import in_view
+from lmmap.training.mask_quality import iou
+from lmmap.types import Camera, Port
 
 mi = peer.mi
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
@@ -42,9 +43,9 @@ def ours(solid, skin, lamps, T_cam_port, camera, rays=1, mono=False, ambient=0.0
     """Radiance and cover of our renderer in the dark room that Mitsuba's scene has."""
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     if mono:
-        skin, lamps, black = shading.grey(skin, lamps, black)
-    with mock.patch.object(shading, "AMBIENT", ambient):
-        return shading.render(solid, skin, lamps, T_cam_port, shading.ray_grid(camera, rays), black)
+        skin, lamps, black = renderer.grey(skin, lamps, black)
+    with mock.patch.object(renderer, "AMBIENT", ambient):
+        return renderer.render(solid, skin, lamps, T_cam_port, renderer.ray_grid(camera, rays), black)
 
 
 def coarse(image, factor: int):
@@ -79,7 +80,7 @@ def equal_light() -> pd.DataFrame:
             seen = peer.surfaces(solid, skin, T, CAMERA)
             median, p95 = peer.disagreement(mine, theirs, seen)
             ring, marker = (iou(cover[..., i] > 0.5, seen == n)
-                            for i, n in enumerate((scene.RING, scene.MARKER)))  # fmt: skip
+                            for i, n in enumerate((cad.RING, cad.MARKER)))  # fmt: skip
             rows.append(("same rays", light, t_s, 100 * median, 100 * p95, ring, marker))
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -150,11 +151,11 @@ def speed(repeats=9) -> dict:
     solid, skin, lamps = world("medium")
     T, black = test_poses()[0][1], np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.float32)
     room = peer.scene(solid, skin, "half", peer.spheres(lamps, T), peer.direct(), T, CAMERA, 16, True)
-    grids = {n: shading.ray_grid(CAMERA, n) for n in (1, sequences.SUB_EXPOSURES, 16)}
-    colour, mono = (skin, lamps, black), shading.grey(skin, lamps, black)
+    grids = {n: renderer.ray_grid(CAMERA, n) for n in (1, sequences.SUB_EXPOSURES, 16)}
+    colour, mono = (skin, lamps, black), renderer.grey(skin, lamps, black)
 
     def render(look, rays):
-        return shading.render(solid, look[0], look[1], T, grids[rays], look[2])
+        return renderer.render(solid, look[0], look[1], T, grids[rays], look[2])
 
     timed = {
         "mitsuba_16_ms": lambda: np.array(mi.render(room)),
@@ -177,9 +178,9 @@ def main() -> None:
     table = pd.concat([equal_light(), sized_lamps()], ignore_index=True)
     numbers = {**left_out(), **speed()}
     facts = {"command": COMMAND, "mitsuba": version("mitsuba")}
-    folder = results.DATA / "results"
-    results.save_table(folder / "mitsuba.csv", table, **facts)
-    results.save_json(folder / "mitsuba.json", numbers, **facts)
+    folder = provenance.DATA / "results"
+    provenance.save_table(folder / "mitsuba.csv", table, **facts)
+    provenance.save_json(folder / "mitsuba.json", numbers, **facts)
     print(table.groupby(["check", "light"])[COLUMNS[3:]].agg(["median", "max", "min"]).round(3).to_string())
     for name, value in numbers.items():
         print(f"{value:10.2f}  {name}")

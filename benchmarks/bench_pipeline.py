@@ -20,15 +20,15 @@ import numpy as np
 import plain
 import torch
 
-from lmmap import circle, ellipse, yaw
-from lmmap.contour import Contour
-from lmmap.core import PAPER
-from lmmap.estimator import Estimator
-from lmmap.events import histogram
-from lmmap.filters import FILTERS
-from lmmap.pipeline import Shot, answered, images
-from lmmap.recordings import open_recording
-from lmmap.results import DATA
+from lmmap.pipeline import circle, ellipse, yaw
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.network import FILTERS
+from lmmap.pipeline.run import Shot, answered, images
+from lmmap.provenance import DATA
+from lmmap.recordings.formats import open_recording
+from lmmap.refinement.contour import Contour
+from lmmap.types import PAPER
 
 IMAGES, LAPS = 24, 4
 GOAL_HZ = {True: 25.0, False: 15.0}  # with bfloat16 in the processor, and without

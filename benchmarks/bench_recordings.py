@@ -16,9 +16,9 @@ from pathlib import Path
 import dv_processing as dv
 import numpy as np
 
-from lmmap.core import EVENT, Camera, Recording
-from lmmap.events import histogram, windows
-from lmmap.recordings import open_recording, write_aedat4, write_npz
+from lmmap.pipeline.histograms import histogram, windows
+from lmmap.recordings.formats import open_recording, write_aedat4, write_npz
+from lmmap.types import EVENT, Camera, Recording
 
 REPEATS = 7
 

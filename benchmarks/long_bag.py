@@ -14,12 +14,14 @@ from pathlib import Path
 import numpy as np
 from long_recording import MAIN, child
 
-from lmmap import bags, open_recording, published, standin, transforms
-from lmmap.arm import follow
-from lmmap.core import Camera
-from lmmap.results import DATA
-from lmmap.rig import CAMERA, NAME
-from lmmap.trajectories import atomic
+from lmmap import open_recording
+from lmmap.provenance import DATA
+from lmmap.recordings import rosbag
+from lmmap.recordings.pose_files import atomic
+from lmmap.rig import authors_bags, standin, tf
+from lmmap.rig.rig import CAMERA, NAME
+from lmmap.rig.ur5e import follow
+from lmmap.types import Camera
 
 LIMIT_GB = 2.0
 
@@ -64,8 +66,8 @@ def main(folder: Path, gigabytes: float) -> None:
     long = Mirrored(recording, int(np.ceil(gigabytes / period_gb)))
     path, start = folder / "dark__test.bag", time.perf_counter()
     with atomic(path) as temporary:
-        bags.write(long, temporary, transforms.messages(*long.arm()), calibrated=False)
-    standin.write_hand_eye(folder / published.HAND_EYE)
+        rosbag.write(long, temporary, tf.messages(*long.arm()), calibrated=False)
+    standin.write_hand_eye(folder / authors_bags.HAND_EYE)
     standin.RIG.save(folder / NAME)
     Camera.davis346().save(folder / CAMERA)
     print(

@@ -14,8 +14,8 @@ import numpy as np
 
 mi.set_variant("scalar_rgb")
 
-from lmmap import materials, shading  # noqa: E402
-from lmmap.scene import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
+from lmmap.bench import renderer, skins  # noqa: E402
+from lmmap.bench.cad import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
 
 LAYERS = ("diffuse", "microfacet", "retro")
 SEGMENTS = 1440  # of the ring: its chords stay within 0.2 um of the circle
@@ -34,7 +34,7 @@ class Retro(mi.BSDF):
         if si.wi.z <= 0 or wo.z <= 0:
             return mi.Color3f(0.0)
         angle = np.arccos(min(si.wi.x * wo.x + si.wi.y * wo.y + si.wi.z * wo.z, 1.0))
-        lobe = shading.RETRO_PEAK_SR * np.exp(-((angle / shading.RETRO_WIDTH_RAD) ** 2))
+        lobe = renderer.RETRO_PEAK_SR * np.exp(-((angle / renderer.RETRO_WIDTH_RAD) ** 2))
         return mi.Color3f(float(lobe * wo.z))
 
     def pdf(self, ctx, si, wo, active=True):
@@ -85,7 +85,7 @@ def part(layer, surface):
     if layer == "retro":
         lobe = {"type": "retro"} if surface in (RING, MARKER) else black()
         return mi.load_dict({"type": "twosided", "bsdf": lobe})
-    diffuse, specular, alpha = (float(v) for v in shading.PARTS[surface])
+    diffuse, specular, alpha = (float(v) for v in renderer.PARTS[surface])
     nested = material(layer, rgb(diffuse), rgb(specular), float(np.sqrt(alpha)))
     return mi.load_dict({"type": "twosided", "bsdf": nested})
 
@@ -105,11 +105,11 @@ def panel_materials(layer, skin):
         return flat, flat
     nested = material(
         layer,
-        texture(skin[..., materials.DIFFUSE]),
-        texture(skin[..., materials.SPECULAR]),
-        texture(np.sqrt(skin[..., materials.ROUGHNESS])),
+        texture(skin[..., skins.DIFFUSE]),
+        texture(skin[..., skins.SPECULAR]),
+        texture(np.sqrt(skin[..., skins.ROUGHNESS])),
     )
-    slope = skin[..., materials.SLOPE]
+    slope = skin[..., skins.SLOPE]
     normals = np.dstack([-slope, np.ones(slope.shape[:2], np.float32)])
     bumpy = {"type": "normalmap", "normalmap": texture((normals + 1) / 2), "arbitrary": nested}
     return mi.load_dict({"type": "twosided", "bsdf": bumpy}), mi.load_dict(

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urldefrag, urljoin, urlsplit
 import pytest
 from browser import PROGRAM, chromium
 
-from lmmap.results import ROOT
+from lmmap.provenance import ROOT
 
 BOOK = ROOT / "_build" / "html"
 PAGES = sorted(BOOK.rglob("*.html"))

@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lmmap.core import Camera, Port, Pose
+from lmmap.types import Camera, Port, Pose
 
 settings.register_profile("lmmap", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("lmmap")

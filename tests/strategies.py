@@ -3,8 +3,8 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from lmmap.core import Camera, Ellipse, Port, Pose
-from lmmap.geometry import in_view, rotation_z
+from lmmap.geometry.projection import in_view, rotation_z
+from lmmap.types import Camera, Ellipse, Port, Pose
 
 CAMERA = Camera.davis346()
 WIDE = Camera(346, 260, 324.0, 320.0, 170.0, 131.0, (-0.35, 0.12, 0.001, -0.0008, 0.02))

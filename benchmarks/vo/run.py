@@ -17,14 +17,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from lmmap import odometry, simulation, study, vo
-from lmmap.core import Port, Trajectory
-from lmmap.estimator import Estimator
-from lmmap.filters import best_precision
-from lmmap.pipeline import estimate
-from lmmap.recordings import open_recording
-from lmmap.results import DERIVED, ROOT, fingerprint, profile, save_table
-from lmmap.trajectories import read_trajectory, write_trajectory
+from lmmap.bench import simulate
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.network import best_precision
+from lmmap.pipeline.run import estimate
+from lmmap.provenance import DERIVED, ROOT, fingerprint, made_by, profile, save_table
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_trajectory, write_trajectory
+from lmmap.studies import accuracy_run, odometry, odometry_files
+from lmmap.types import Port, Trajectory
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
@@ -53,12 +54,14 @@ def kept(path: Path, mark: str, make) -> bool:
 
 def prepare(name: str, seconds: float, folder: Path) -> str:
     """Simulate and export a sequence; returns a hash of its images, whatever made them."""
-    mark = fingerprint(name, str(seconds), patterns=study.BENCH)
+    mark = fingerprint(name, str(seconds), patterns=accuracy_run.BENCH)
     path = folder / f"{name}.npz"
     say(f"{name}: {seconds:.0f} s")
-    kept(path, mark, lambda: simulation.record(name, seconds, path))
-    exported = mark + fingerprint(patterns=("lmmap/vo.py",))
-    kept(folder / name, exported, lambda: vo.export(open_recording(path), folder / name, bag=False))
+    kept(path, mark, lambda: simulate.record(name, seconds, path))
+    exported = mark + fingerprint(patterns=made_by("studies.odometry_files"))
+    kept(
+        folder / name, exported, lambda: odometry_files.export(open_recording(path), folder / name, bag=False)
+    )
     images = f"{(folder / name).relative_to(ROOT)}/*"
     return fingerprint(patterns=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
 
@@ -126,7 +129,12 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    own = (*study.OF_ESTIMATES, "lmmap/odometry.py", f"data/weights/*-{modality}-low.*", "environment.txt")
+    own = (
+        *accuracy_run.OF_ESTIMATES,
+        "lmmap/odometry.py",
+        f"data/weights/*-{modality}-low.*",
+        "environment.txt",
+    )
     kept(path, mark + fingerprint(best_precision(), patterns=own), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}

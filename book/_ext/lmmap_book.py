@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import tomllib
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
 
-from lmmap.results import page_fingerprint
+from lmmap.provenance import PACKAGE, ROOT, page_fingerprint
 
 
 def name_cache(app, config) -> None:
@@ -118,6 +119,27 @@ def made_of(names: set[str]) -> nodes.paragraph:
     return line
 
 
+def list_modules(app, docname, source) -> None:
+    """The wings of the module, lowest first, each with its modules, where a page says ``% modules``."""
+    if "\n% modules\n" in source[0]:
+        settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+        wings = [w for layer in settings["contracts"][0]["layers"][::-1] for w in re.findall(r"\w+", layer)]
+        source[0] = source[0].replace("\n% modules\n", "\n".join(map(_wing, wings)))
+
+
+def _wing(name: str) -> str:
+    folder = PACKAGE / name
+    if not folder.is_dir():
+        return f"\n## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}')}"
+    modules = sorted(path.stem for path in folder.glob("[!_]*.py"))
+    parts = [f"### `lmmap.{name}.{m}`\n\n{_automodule(f'lmmap.{name}.{m}')}" for m in modules]
+    return "\n".join([f"\n## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}', '')}", *parts])
+
+
+def _automodule(name: str, members: str = "   :members:\n") -> str:
+    return f"```{{eval-rst}}\n.. automodule:: {name}\n{members}```\n"
+
+
 def escape_mathematics(app, what, name, obj, options, lines) -> None:
     """Docstrings write |x| and a * b; reStructuredText would read substitutions and emphasis."""
     literal_or_sign = re.compile(r"(``.*?``)|[|*]")
@@ -126,6 +148,7 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 
 def setup(app):
     app.connect("config-inited", name_cache)
+    app.connect("source-read", list_modules)
     app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", name_build)

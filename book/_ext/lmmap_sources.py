@@ -6,9 +6,9 @@ import ast
 import importlib
 import inspect
 
-from lmmap import results
+from lmmap import provenance
 
-FOLDERS = {"DATA": results.DATA, "DERIVED": results.DERIVED}
+FOLDERS = {"DATA": provenance.DATA, "DERIVED": provenance.DERIVED}
 
 
 def sources(cells: list[str]) -> list[set[str]]:
@@ -79,7 +79,9 @@ def _named(statement, imported: dict) -> set[str]:
 def _function(value) -> set[str]:
     """Its full name, of a function of ours that does more than name files and set styles."""
     ours = inspect.isfunction(value) and value.__module__.startswith("lmmap.")
-    ours = ours and value.__module__ != "lmmap.results" and value.__name__ not in ("use_style", "interactive")
+    ours = (
+        ours and value.__module__ != "lmmap.provenance" and value.__name__ not in ("use_style", "interactive")
+    )
     return {f"{value.__module__}.{value.__name__}"} if ours else set()
 
 
@@ -93,4 +95,4 @@ def _path(node) -> set[str]:
         return set()
     parts = parts[::-1]
     known = parts[: parts.index(None)] if None in parts else parts
-    return {str(FOLDERS[node.id].relative_to(results.ROOT).joinpath(*map(str, known)))}
+    return {str(FOLDERS[node.id].relative_to(provenance.ROOT).joinpath(*map(str, known)))}

@@ -1,0 +1,63 @@
+"""Sequences of the bench written to files: resumable, several at once, on one machine or a Dask cluster."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import joblib
+
+from ..recordings.formats import write_recording
+from ..types import Camera, InputError
+from . import sequences
+
+
+def record(name: str, seconds: float, path, progress=None, camera: Camera | None = None) -> tuple[int, int]:
+    """Simulate a sequence into a file, going on where an interrupted call stopped; numbers of events, frames.
+
+    What is done so far lies in ``NAME.parts`` beside ``path`` until the file is whole.
+    """
+    path = Path(path)
+    parts = path.with_name(path.name + ".parts")
+    recording = sequences.simulate(name, seconds, progress, camera=camera, parts=parts)
+    write_recording(recording, path)
+    shutil.rmtree(parts)
+    return len(recording.events), len(recording.frames)
+
+
+def record_all(jobs, workers: int = 1, scheduler: str | None = None) -> Iterator[tuple[Path, int, int]]:
+    """`record` each ``(name, seconds, path)`` on some processes; yields ``(path, events, frames)``.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler whose workers see the same files; they then do the work.
+
+    Raises
+    ------
+    InputError
+        Of any sequence; without the package ``distributed`` where a scheduler is given.
+    """
+    tasks = [joblib.delayed(_one)(*job) for job in jobs]
+    if scheduler is None:
+        yield from joblib.Parallel(n_jobs=workers, return_as="generator")(tasks)
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            f"{scheduler}: a Dask cluster needs one more package; pip install distributed"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{scheduler}: no Dask scheduler answers ({error}); start one or check the address"
+        ) from None
+    with client, joblib.parallel_config(backend="dask"):
+        yield from joblib.Parallel()(tasks)
+
+
+def _one(name: str, seconds: float, path: Path) -> tuple[Path, int, int]:
+    return (path, *record(name, seconds, path))

@@ -1,0 +1,1 @@
+"""The ``lmmap`` command: `main` has its words; the others do the work."""

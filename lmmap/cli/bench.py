@@ -1,0 +1,102 @@
+"""What the ``lmmap`` command does on the bench: simulate, photometry, train, reproduce."""
+
+from __future__ import annotations
+
+import json
+import sys
+from itertools import product
+from pathlib import Path
+
+from tqdm import tqdm
+
+from ..bench import photometry, sequences
+from ..bench.simulate import record, record_all
+from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
+from ..provenance import DERIVED, save_json
+from ..recordings.formats import WRITERS
+from ..studies import accuracy_run
+from ..training.recipe import Recipe
+from ..types import Camera, InputError
+from . import authors
+
+
+def _check_folder(path: Path) -> None:
+    """Before the work, not after it."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no folder {path.parent}; make it first")
+
+
+def simulate(a) -> None:
+    """Sequences of the bench to files."""
+    if a.as_published:
+        authors.simulate(a)
+        return
+    if not (a.sequence and a.output):
+        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
+    if a.output.suffix not in WRITERS:
+        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
+    if len(a.sequence) > 1 and "{}" not in a.output.name:
+        raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
+    _check_folder(a.output)
+    camera = Camera.load(a.camera) if a.camera else None
+    jobs = [(name, sequences.duration_s(sequences.sequence(name), a.seconds, a.profile),
+             a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
+    if a.jobs > 1 or a.scheduler:
+        if camera:
+            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
+        for path, events, frames in tqdm(record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs)):
+            tqdm.write(f"{path}: {events} events, {frames} frames")
+        return
+    for name, seconds, path in jobs:
+        with tqdm(total=seconds, desc=name, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+            events, frames = record(name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera)
+            bar.update(seconds - bar.n)
+        print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
+
+
+def calibrate(a) -> None:
+    """Exposure and lamps."""
+    if a.output:
+        _check_folder(a.output)
+    result = photometry.calibrate(lambda line: print(line, file=sys.stderr))
+    if a.output:
+        save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
+    print(json.dumps(result, indent=1))
+
+
+def train(a) -> None:
+    """The filters that were asked for, one after the other."""
+    if a.data:
+        authors.train(a)
+        return
+    from ..training import (
+        train,  # torch's optimisers take a second to import, and only this command needs them
+    )
+
+    gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
+    names = [a.filter] if a.filter else FILTERS
+    modalities = [a.modality] if a.modality else CHANNELS
+    for gap, name, modality in product(gaps, names, modalities):
+        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
+        changes = {key: value for key, value in asked.items() if value is not None}
+        recipe = Recipe.shipped(name, modality, gap, **changes)
+        path = train.train(recipe, DERIVED / "training", lambda line: print(line, flush=True), go_on=a.go_on)
+        print(f"{path}: written")
+
+
+def reproduce(a) -> None:
+    """The accuracy study of a profile, or a folder of bags'."""
+    paper = a.profile == "paper"
+    if a.go_on and (a.data or not paper):
+        raise InputError("--go-on: only the paper profile's results on the bench are packed; "
+                         "give --profile paper and no --data, or leave it out")  # fmt: skip
+    if a.data:
+        authors.reproduce(a)
+        return
+    from ..pages import gallery  # matplotlib takes a second to import
+
+    pictures = gallery.keep if paper else None
+    changed = accuracy_run.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
+    if paper and (changed or not (accuracy_run.PUBLISHED / "worst.jpg").exists()):
+        labels, empty = accuracy_run.labels_of(a.profile), accuracy_run.empty_labels(a.profile)
+        gallery.publish(DERIVED / a.profile, accuracy_run.PUBLISHED, labels, empty)

@@ -1,0 +1,1 @@
+"""Geometry: how cameras, circles and ellipses meet.  Read `projection`, then `conics`."""

@@ -1,0 +1,116 @@
+"""Conics as coefficient vectors theta of the monomials (x^2, xy, y^2, x, y, 1), and their fits.
+
+Points are (M, 2), batches of conics (..., 6).  Fits expect coordinates that `normalise` made.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..types import Ellipse
+
+
+def normalise(points_px) -> tuple[np.ndarray, np.ndarray, float]:
+    """Points centred and scaled to unit spread, with the centre and scale that were taken out."""
+    centre = points_px.mean(0)
+    scale = float(np.sqrt(np.mean((points_px - centre) ** 2)))
+    return (points_px - centre) / (scale or 1.0), centre, scale or 1.0
+
+
+def to_pixels(ellipse: Ellipse, centre_px, scale_px: float) -> Ellipse:
+    """Undo `normalise` for ellipses."""
+    centre_px = ellipse.centre_px * scale_px + centre_px
+    return Ellipse(centre_px, ellipse.semi_axes_px * scale_px, ellipse.angle_rad)
+
+
+def monomials(x) -> np.ndarray:
+    """(..., 2) -> (..., 6)."""
+    u, v = x[..., 0], x[..., 1]
+    return np.stack([u * u, u * v, v * v, u, v, np.ones_like(u)], -1)
+
+
+def matrix(theta) -> np.ndarray:
+    """Symmetric matrices of conics, (..., 6) -> (..., 3, 3)."""
+    a, b, c, d, e, f = np.moveaxis(theta, -1, 0)
+    rows = (a, b / 2, d / 2), (b / 2, c, e / 2), (d / 2, e / 2, f)
+    return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def coefficients(C) -> np.ndarray:
+    """Inverse of `matrix`."""
+    return np.stack([C[..., 0, 0], 2 * C[..., 0, 1], C[..., 1, 1],
+                     2 * C[..., 0, 2], 2 * C[..., 1, 2], C[..., 2, 2]], -1)  # fmt: skip
+
+
+def cone(C, K) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues l1 >= l2 > 0 > l3 (..., 3) and eigenvectors e1, e2, e3, as columns (..., 3, 3), of the
+    cones K' C K of lines of sight through ellipses; e3 points forward."""
+    eigenvalues, E = np.linalg.eigh(K.T @ C @ K)  # ascending
+    forward = np.where(E[..., 2:, :1] >= 0, 1.0, -1.0)
+    return eigenvalues[..., ::-1], np.concatenate([E[..., 2:], E[..., 1:2], E[..., :1] * forward], -1)
+
+
+def direct_fit(x) -> np.ndarray | None:
+    """Least squares under 4AC - B^2 = 1 (Halir & Flusser 1998), or None for degenerate points."""
+    D1, D2 = np.split(monomials(x), 2, axis=1)
+    S1, S2, S3 = D1.T @ D1, D1.T @ D2, D2.T @ D2
+    if np.linalg.cond(S3) > 1e12:
+        return None
+    T = -np.linalg.solve(S3, S2.T)
+    M = (S1 + S2 @ T)[::-1] * np.array([[0.5], [-1.0], [0.5]])
+    vectors = np.linalg.eig(M)[1].real
+    index = np.nonzero(4 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0)[0]
+    return np.concatenate([vectors[:, index[0]], T @ vectors[:, index[0]]]) if len(index) else None
+
+
+def five_point_conics(x, samples) -> np.ndarray:
+    """Conics through the points x[samples], samples (K, 5), leaving out undetermined ones.
+
+    A + C = 1 fixes the scale: no ellipse violates it and no rotation changes it.  The unknowns are
+    p = A - C, B, D, E, F.
+    """
+    a, b, c, d, e, f = np.moveaxis(monomials(x)[samples], -1, 0)
+    equations = np.stack([(a - c) / 2, b, d, e, f], -1)
+    regular = np.abs(np.linalg.det(equations)) > 1e-12
+    right = -(a + c)[regular][..., None] / 2
+    p, b, d, e, f = np.moveaxis(np.linalg.solve(equations[regular], right)[..., 0], -1, 0)
+    return np.stack([(1 + p) / 2, b, (1 - p) / 2, d, e, f], -1)
+
+
+def sampson_distance(theta, x) -> np.ndarray:
+    """First-order distance q / |grad q| of points to conics, (..., 6), (M, 2) -> (..., M)."""
+    q, qu, qv = _value_and_gradient(theta, x)
+    return q / _length(qu, qv)
+
+
+def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
+    """Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance.
+
+    A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
+    """
+    m = monomials(x)
+    zero, one = np.zeros(len(x)), np.ones(len(x))
+    m_u = np.stack([2 * x[:, 0], x[:, 1], zero, one, zero, zero], -1)
+    m_v = np.stack([zero, x[:, 0], 2 * x[:, 1], zero, one, zero], -1)
+    for _ in range(steps):
+        theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
+        q, qu, qv = _value_and_gradient(theta, x)
+        g = _length(qu, qv)
+        gradient_of_g = (qu[..., None] * m_u + qv[..., None] * m_v) / g[..., None]
+        J = (m - (q / g)[..., None] * gradient_of_g) / g[..., None]
+        Jt = np.swapaxes(J * weight[..., None], -1, -2)
+        normal = Jt @ J + theta[..., :, None] * theta[..., None, :]
+        normal = normal + 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None] * np.eye(6)
+        theta = theta - np.linalg.solve(normal, Jt @ (q / g)[..., None])[..., 0]
+    return theta
+
+
+def _length(u, v):
+    """Of (u, v), kept from zero; `np.hypot` guards against overflow and takes several times longer."""
+    return np.sqrt(np.maximum(u * u + v * v, 1e-24))
+
+
+def _value_and_gradient(theta, x):
+    a, b, c, d, e, _ = np.moveaxis(np.asarray(theta)[..., None], -2, 0)
+    u, v = x.T
+    return theta @ monomials(x).T, 2 * a * u + b * v + d, b * u + 2 * c * v + e

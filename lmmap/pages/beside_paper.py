@@ -1,0 +1,64 @@
+"""What the studies on recordings gave, beside the paper and the bench, each part marked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+
+from ..provenance import load_json
+from ..studies import pose_errors
+from .tables import of_accuracy
+
+KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
+STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry"}
+
+
+def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
+    """Table I's cells: ``published``, the ``bench``'s where it was run, and ``recordings: NAME``."""
+    table = (
+        pose_errors.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
+    )
+    if (bench / "summary.csv").exists():
+        ours = pose_errors.compare(bench)[[*KEYS, "ours"]].rename(columns={"ours": "bench"})
+        table = table.merge(ours, on=KEYS, how="left")
+    else:
+        table["bench"] = float("nan")
+    return table[[*KEYS, "published", "bench", f"recordings: {out.name}"]]
+
+
+def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
+    """All results of a folder in three digits, by titles that hold its mark; the paper's table comes last."""
+    mark, found = f"recordings: {out.name}", {}
+    for name, title in STUDIES.items():
+        if (out / f"{name}.csv").exists():
+            found[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
+    if (out / "summary.csv").exists():
+        whole = pd.read_csv(out / "summary.csv").query("statistic != 'rmse'")
+        other = whole[~whole.light.isin(pose_errors.LIGHTS)]
+        if len(other):
+            found[f"lights that are not the paper's ({mark})"] = _short(other)
+        cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
+        for training, some in cells.groupby("training"):
+            text = of_accuracy(
+                some, ("median", "in_fov", "all"), {"published": "paper", "bench": "bench", mark: mark}
+            )
+            found[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
+    return found
+
+
+def _short(table: pd.DataFrame) -> pd.DataFrame:
+    return table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else value)
+
+
+def told(out: Path, bench: Path) -> str:
+    """All results of a folder as text, each part marked."""
+    about = load_json(out / "about.json")
+    parts = ["left out\n" + "\n".join(about["left_out"])] if about["left_out"] else []
+    if about["rig"] and about["rig"].get("file_in_doubt"):
+        parts.append(f"the hand-eye file and the detections do not agree: {json.dumps(about['rig'])}")
+    for title, table in tables(out, bench).items():
+        named = isinstance(table.index, pd.MultiIndex)
+        parts.append(f"{title}\n{table.to_string(index=named)}")
+    return "\n\n".join(parts)

@@ -1,0 +1,113 @@
+"""A circle of known radius, seen as an ellipse, has two poses.
+
+`poses` solves that exactly, `paper_poses` as the paper prints it.  Both take *undistorted* ellipses
+(pixels of the same camera without its distortion).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.conics import cone
+from ..geometry.projection import conic_from_ellipse
+from ..types import Camera, Ellipse, Pose
+
+
+def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
+    """Both poses ``T_cam_port`` of circles that project to the ellipses, batch (..., 2).
+
+    The cone Q = K' C K through the conic C, with eigenvalues l1 >= l2 > 0 > l3 and eigenvectors
+    e1, e2, e3, cuts in a circle on two families of planes (Kanatani & Liu 1993):
+
+        n = +-sqrt((l1 - l2) / (l1 - l3)) e1 + sqrt((l2 - l3) / (l1 - l3)) e3
+        p = radius / sqrt(-l1 l3) (l3 n1 e1 + l1 n3 e3)
+
+    Normals point toward the camera (n . p < 0); yaw is arbitrary but deterministic (see
+    `_frame`).  In the first pose the end of the minor axis that is 90 deg from the major axis'
+    direction leans toward the camera, in the second the other one; fronto-parallel they coincide.
+
+    Raises
+    ------
+    ValueError
+        If the radius is not positive or an ellipse is not finite with positive semi-axes.
+    """
+    _check(ellipse, radius_m)
+    eigenvalues, E = cone(conic_from_ellipse(ellipse), camera.K)
+    l1, l2, l3 = np.moveaxis(eigenvalues, -1, 0)
+    e1, e3 = E[..., :, 0], E[..., :, 2]
+    e1 = e1 * _sign(np.sum(e1[..., :2] * _minor_direction(ellipse), -1))
+
+    n1 = np.stack([np.sqrt((l1 - l2) / (l1 - l3))] * 2, -1) * [1, -1]
+    n3 = np.sqrt((l2 - l3) / (l1 - l3))[..., None]
+    l1, l3 = l1[..., None], l3[..., None]
+    e1, e3 = e1[..., None, :], e3[..., None, :]
+    n = n1[..., None] * e1 + n3[..., None] * e3
+    p = (l3 * n1)[..., None] * e1 + (l1 * n3)[..., None] * e3
+    p = p * (radius_m / np.sqrt(-l1 * l3))[..., None]
+    return Pose(_frame(-n), p)
+
+
+def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
+    """Both poses by the paper's formulas, batch (..., 2), ordered as in `poses`.
+
+    Position from the bearings of the major axis' ends; normals as the cross product of the major
+    axis with the minor axis in space, whose ends are the nearer solutions of
+    |d v - p|^2 = radius^2.  Where the line of sight misses that sphere (negative discriminant) the
+    discriminant is taken as zero, the point of the line nearest to p.
+
+    Raises
+    ------
+    ValueError
+        As `poses`.
+    """
+    _check(ellipse, radius_m)
+    minor = _minor_direction(ellipse)
+    major = np.stack([minor[..., 1], -minor[..., 0]], -1)
+    a, b = ellipse.semi_axes_px[..., :1], ellipse.semi_axes_px[..., 1:]
+    v_M1, v_M2, v_m1, v_m2 = (
+        _unit_bearing(ellipse.centre_px + offset, camera)
+        for offset in (a * major, -a * major, b * minor, -b * minor)
+    )
+    scale = radius_m / np.linalg.norm(v_M2 - v_M1, axis=-1, keepdims=True)
+    p = scale * (v_M1 + v_M2)
+    v_m, p = np.stack([v_m1, v_m2], -2), np.stack([p, p], -2)
+    along = np.sum(v_m * p, -1)
+    discriminant = along**2 - np.sum(p * p, -1) + radius_m**2
+    d = along - np.sqrt(np.maximum(discriminant, 0))
+    n = np.cross((v_M2 - v_M1)[..., None, :], d[..., None] * v_m - p)
+    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
+    return Pose(_frame(-n * _sign(np.sum(n * p, -1))), p)
+
+
+def _frame(n) -> np.ndarray:
+    """Rotations with third column n, (..., 3) -> (..., 3, 3): the camera turned half about x, then
+    by the least rotation that brings its z axis to n.  Smooth for every normal but (0, 0, 1), which
+    looks away from the camera."""
+    k = 1 / (1 - n[..., 2])
+    x = np.stack([1 - k * n[..., 0] ** 2, -k * n[..., 0] * n[..., 1], n[..., 0]], -1)
+    return np.stack([x, np.cross(n, x), n], -1)
+
+
+def _minor_direction(ellipse: Ellipse) -> np.ndarray:
+    return np.stack([-np.sin(ellipse.angle_rad), np.cos(ellipse.angle_rad)], -1)
+
+
+def _unit_bearing(points_px, camera: Camera) -> np.ndarray:
+    xy = (points_px - [camera.cx_px, camera.cy_px]) / [camera.fx_px, camera.fy_px]
+    v = np.concatenate([xy, np.ones_like(xy[..., :1])], -1)
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _sign(a) -> np.ndarray:
+    """Sign with a trailing axis, +1 for zero."""
+    return np.where(a >= 0, 1.0, -1.0)[..., None]
+
+
+def _check(ellipse: Ellipse, radius_m: float) -> None:
+    if not radius_m > 0:
+        raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
+    for name in ("centre_px", "semi_axes_px", "angle_rad"):
+        if not np.all(np.isfinite(getattr(ellipse, name))):
+            raise ValueError(f"ellipse.{name}: expected finite values, got {getattr(ellipse, name)}")
+    if not np.all(ellipse.semi_axes_px > 0):
+        raise ValueError(f"ellipse.semi_axes_px: expected positive, got {ellipse.semi_axes_px}")

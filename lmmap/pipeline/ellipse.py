@@ -1,0 +1,182 @@
+"""From masks to ellipses: skeleton, conic fits, RANSAC.
+
+Whether points belong to an ellipse is measured by the Sampson distance throughout.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from skimage.filters import apply_hysteresis_threshold
+from skimage.morphology import skeletonize
+
+from ..geometry.conics import (
+    direct_fit,
+    five_point_conics,
+    matrix,
+    monomials,
+    normalise,
+    sampson_distance,
+    sampson_fit,
+    to_pixels,
+)
+from ..geometry.projection import ellipse_from_conic
+from ..types import PAPER, Ellipse, Settings
+
+SURE = 0.9  # of the mask's highest value: by `python tuning/choose_thresholds.py`
+
+
+def binarised(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
+    """Pixels above the threshold, of those blobs that somewhere exceed ``sure`` (default: `SURE`) times the
+    mask's highest value: hysteresis, which drops weak blobs and keeps the weak ends of strong ones."""
+    mask = np.asarray(mask, np.float32)
+    high = (SURE if sure is None else sure) * mask.max(initial=0)
+    return apply_hysteresis_threshold(mask, threshold, high) if high > threshold else mask > threshold
+
+
+def skeleton_points(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
+    """Pixels (u, v) of the `binarised` mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
+
+    Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
+    `contour.trace` doesn't have that bias.
+    """
+    active = binarised(mask, threshold, sure)
+    rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
+    if not rows.size:
+        return np.empty((0, 2))
+    top, left = rows[0], columns[0]
+    v, u = np.nonzero(skeletonize(active[top : rows[-1] + 1, left : columns[-1] + 1], method="zhang"))
+    return np.column_stack([u + left, v + top]).astype(float)
+
+
+def fit(points_px) -> Ellipse:
+    """Ellipse of least Sampson distance to points (M, 2), M >= 5, all of them inliers.
+
+    Starts from the ellipse-specific algebraic fit (Halir & Flusser 1998).
+
+    Raises
+    ------
+    ValueError
+        If the points are fewer than five, not finite, or determine no ellipse.
+    """
+    points = np.asarray(points_px, float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 5 or not np.all(np.isfinite(points)):
+        raise ValueError(f"points_px: expected (M >= 5, 2) finite values, got shape {points.shape}")
+    x, centre, scale = normalise(points)
+    theta = direct_fit(x)
+    if theta is not None:
+        theta = sampson_fit(theta, x, np.ones(len(x)))
+        ellipse, real = ellipse_from_conic(matrix(theta))
+        if real:
+            return to_pixels(ellipse, centre, scale)
+    raise ValueError("points_px: expected points of an ellipse, got none that determine one")
+
+
+def fit_ransac(
+    points_px, rng: np.random.Generator, settings: Settings = PAPER
+) -> tuple[Ellipse | None, np.ndarray]:
+    """Ellipse through most of the points (M, 2), and which points lie on it (M,) bool.
+
+    All hypotheses at once: five-point conics of normalised points with A + C = 1, which no ellipse
+    violates and which rotation leaves alone; MSAC score of Sampson distances; refits of the best few
+    with all their inliers.  None, and no inliers, where no ellipse passes the gates on axis ratio,
+    size and arc coverage.
+    """
+    points = _finite(points_px)
+    nothing = None, np.zeros(len(points), bool)
+    if len(points) < 5 or np.ptp(points, 0).max() == 0:
+        return nothing
+    x, centre, scale = normalise(points)
+    tolerance = settings.ransac_tolerance_px / scale
+    theta = five_point_conics(x, rng.integers(0, len(x), (settings.ransac_hypotheses, 5)))
+    theta = theta[_plausible(theta, settings)]
+    theta = theta[np.argsort(_msac(theta, x, tolerance))[:REFITTED]]
+    for widening in (2.0, 1.5, 1.0):
+        inlier = np.abs(sampson_distance(theta, x)) < widening * tolerance
+        theta = sampson_fit(theta, x, inlier, steps=1)
+    for candidate in theta[np.argsort(_msac(theta, x, tolerance))]:
+        candidate = _polish(candidate, x, tolerance)
+        ellipse, real = ellipse_from_conic(matrix(candidate))
+        if not (real and _plausible(candidate, settings)):
+            continue
+        ellipse = to_pixels(ellipse, centre, scale)
+        inliers = np.abs(sampson_distance(candidate, x)) < tolerance
+        big = ellipse.semi_axes_px[0] >= settings.min_semi_major_px
+        if big and arc_coverage(ellipse, points[inliers]) >= settings.min_arc_coverage:
+            return ellipse, inliers
+    return nothing
+
+
+REFITTED = 10  # hypotheses that get local refits: of 500, about as many have five inliers at 55 % outliers
+
+
+def paper_ransac(
+    points_px, rng: np.random.Generator, settings: Settings = PAPER
+) -> tuple[Ellipse | None, np.ndarray]:
+    """The paper's loop as printed: five points, A..E of equation 1 with F = 1 in raw pixels, check of
+    the axis ratio, count of inliers, refit of the best hypothesis on its inliers.
+
+    The paper doesn't say how it measures a point's distance; here it is the Sampson distance.
+    """
+    points = _finite(points_px)
+    best, inliers = None, np.zeros(len(points), bool)
+    if len(points) < 5:
+        return best, inliers
+    equations = monomials(points)[:, :5]
+    for _ in range(settings.ransac_hypotheses):
+        sample = rng.choice(len(points), 5, replace=False)
+        try:
+            theta = np.append(np.linalg.solve(equations[sample], -np.ones(5)), 1.0)
+        except np.linalg.LinAlgError:
+            continue
+        if not _plausible(theta, settings):
+            continue
+        inlier = np.abs(sampson_distance(theta, points)) < settings.ransac_tolerance_px
+        if inlier.sum() > inliers.sum():
+            best, inliers = theta, inlier
+        if inliers.all():
+            break
+    if best is None:
+        return None, inliers
+    theta = np.append(np.linalg.lstsq(equations[inliers], -np.ones(inliers.sum()))[0], 1.0)
+    ellipse, real = ellipse_from_conic(matrix(theta))
+    return (ellipse, inliers) if real else (None, np.zeros(len(points), bool))
+
+
+def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:
+    """Share of an ellipse's contour, by sectors of equal eccentric anomaly, that has a point."""
+    c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
+    local = (np.asarray(points_px, float).reshape(-1, 2) - ellipse.centre_px) @ np.array([[c, -s], [s, c]])
+    anomaly = np.arctan2(local[:, 1] / ellipse.semi_axes_px[1], local[:, 0] / ellipse.semi_axes_px[0])
+    return len(np.unique(((anomaly / (2 * np.pi)) % 1 * sectors).astype(int) % sectors)) / sectors
+
+
+def _finite(points_px):
+    points = np.asarray(points_px, float).reshape(-1, 2)
+    if not np.all(np.isfinite(points)):
+        raise ValueError(
+            f"points_px: expected (M, 2) finite values, got {np.sum(~np.isfinite(points))} that are not"
+        )
+    return points
+
+
+def _msac(theta, x, tolerance: float):
+    return np.sum(np.minimum(sampson_distance(theta, x) ** 2, tolerance**2), -1)
+
+
+def _polish(theta, x, tolerance: float):
+    """Alternate inliers and fit until they agree."""
+    inlier = np.zeros(len(x), bool)
+    for _ in range(5):
+        now = np.abs(sampson_distance(theta, x)) < tolerance
+        if now.sum() < 5 or np.array_equal(now, inlier):
+            break
+        inlier = now
+        theta = sampson_fit(theta, x, inlier, steps=4)
+    return theta
+
+
+def _plausible(theta, settings: Settings):
+    """Which conics are ellipses of sensible shape."""
+    ellipse, real = ellipse_from_conic(matrix(theta))
+    with np.errstate(invalid="ignore"):
+        return real & (ellipse.semi_axes_px[..., 1] >= settings.min_axis_ratio * ellipse.semi_axes_px[..., 0])

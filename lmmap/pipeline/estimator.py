@@ -1,0 +1,159 @@
+"""The pose of the port in one image: filter, skeleton, ellipse, two circles, yaw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..geometry.projection import circle_points_m, project, undistort_points
+from ..refinement import contour, joint, uncertainty
+from ..refinement.contour import Contour
+from ..types import PAPER, Camera, Ellipse, Estimate, Port, Pose, Settings, Status
+from . import circle, ellipse, yaw
+from .histograms import scaled_count
+from .network import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
+
+MIN_SIGMA_PX = 0.02  # no contour is known better, whatever its scatter
+MIN_RING_SCORE = 0.1  # none is known worse by its mask
+EDGE_PX = 4  # beside the markers, for what measures their edges
+
+
+def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
+    """The paper's settings with N scaled to the camera's pixels, or given."""
+    return replace(PAPER, events_per_window=events_per_window or scaled_count(camera.size_px))
+
+
+class Estimator:
+    """Pose of the port in one image.
+
+    Parameters
+    ----------
+    camera, port
+        Default: the bench's DAVIS 346 and the LM-MAP.
+    modality
+        ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
+    weights
+        One of `DOMAIN_GAPS` as shipped, or a folder with files named as the low-domain-gap ones.
+    settings
+        Default: the paper's, its number of events kept per pixel of this camera.
+    precision
+        Of the filters; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
+    """
+
+    def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
+                 weights: str | Path = "low", settings: Settings | None = None,
+                 precision: str = "auto"):  # fmt: skip
+        if modality not in ("rgb", "event"):
+            raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
+        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
+        self.modality, self.settings = modality, settings or fitting(self.camera)
+        shipped = weights in DOMAIN_GAPS
+        paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
+        folder = paths[0].parent if shipped else Path(weights)
+        self.ring_filter, self.reflector_filter = (
+            load_filter(folder / p.name, modality, precision) for p in paths
+        )
+
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of one image; a failed measurement is a status, not an exception.
+
+        Raises
+        ------
+        ValueError
+            If the image's size is not the camera's.
+        """
+        if image.shape[:2] != self.camera.size_px[::-1]:
+            shape = self.camera.size_px[::-1]
+            raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")
+        ring, coverage = self.find_ring(self.ring_filter(image))
+        if not isinstance(ring, Contour):
+            return Estimate(t_us, ring)
+        fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
+        reflectors = self.find_reflectors(image, candidates)
+        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.camera, self.settings)
+        if best.score < self.settings.min_marker_score:
+            unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
+            known = self.ring_uncertainty(candidates[0], ring, unknown_rad)
+            return Estimate(t_us, Status.NO_MARKERS, ring=candidates[0], twin=candidates[1], ellipse=fitted,
+                            arc_coverage=coverage, marker_score=best.score,
+                            covariance=known.covariance)  # fmt: skip
+        paper = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
+        T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
+        return Estimate(t_us, Status.OK, T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
+                        best.score, best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
+
+    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
+        """Pose with its covariance (6, 6), refined on ring and markers where the settings allow it and yaw
+        and enough of the markers' edges are known; and the ring's distance from head-on, in standard
+        deviations."""
+        known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
+        if self.settings.refine_jointly and best.yaw_known:
+            marker_sigma_px = joint.MARKER_SIGMA_PX[self.modality]
+            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
+                                marker_sigma_px)  # fmt: skip
+            if both is not None:
+                covariance = joint.honest(both.covariance, best.score, joint.INFLATION[self.modality])
+                return both.T_cam_port, covariance, known.tilt_sigmas
+        return best.T_cam_port, known.covariance, known.tilt_sigmas
+
+    def sigma_px(self, ring: Contour) -> float:
+        """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""
+        scatter_px = max(ring.sigma_px, MIN_SIGMA_PX) * np.sqrt(uncertainty.INFLATION[self.modality])
+        return scatter_px / max(ring.score, MIN_RING_SCORE)
+
+    def ring_uncertainty(self, T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float):
+        """`uncertainty.Uncertainty` of a circle's pose by its contour."""
+        return uncertainty.pose_uncertainty(
+            T_cam_port, ring.points_px, self.sigma_px(ring), self.port.ring_radius_m, self.camera,
+            yaw_sigma_rad,
+        )  # fmt: skip
+
+    def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
+        """The ring's contour, free of lens distortion, and its arc coverage; or why there is none.
+
+        It is looked for among the mask's sure blobs, and if they hold none, in all of it.
+        """
+        for sure in (ellipse.SURE, 0.0):
+            points = ellipse.skeleton_points(mask, self.settings.mask_threshold, sure)
+            if len(points) < self.settings.min_ring_pixels:
+                status = Status.NO_RING
+                continue
+            points = undistort_points(points, self.camera)
+            fitted, inliers = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
+            if fitted is not None:
+                break
+            status = Status.NO_ELLIPSE
+        else:
+            return status, 0.0
+        p = self.port
+        stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
+        found = contour.trace(fitted, mask, 1.5 * stroke_px, self.camera)
+        found = found or contour.on_points(fitted, points[inliers])
+        found = replace(found, score=contour.score(found.ellipse, mask, self.camera))
+        return found, ellipse.arc_coverage(found.ellipse, points)
+
+    def candidates(self, ring: Ellipse) -> Pose:
+        """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
+        both = [f(ring, self.camera, self.port.ring_radius_m) for f in (circle.poses, circle.paper_poses)]
+        return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
+
+    def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
+        """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
+        low, high = markers_box_px(candidates, self.port, self.camera)
+        rows, columns = crop_bounds(low, high, self.camera.size_px)
+        mask = np.zeros(image.shape[:2], np.float32)
+        mask[rows, columns] = self.reflector_filter(image[rows, columns])
+        return mask
+
+
+def markers_box_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest (u, v) that the markers and the search for them reach at poses (N,), whatever
+    the yaw."""
+    disc = circle_points_m(yaw.reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
+    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
+    seen = seen[np.isfinite(seen).all(-1)]
+    if not len(seen):
+        return np.zeros(2), np.array(camera.size_px) - 1
+    return seen.min(0) - EDGE_PX, seen.max(0) + EDGE_PX

@@ -1,0 +1,200 @@
+"""The CNN filters: a frame or histogram in, a mask of the ring or of the markers out.
+
+One architecture for all four (ring | reflectors, RGB | event), the paper's: three convolutions with
+ReLU and max-pooling, three transposed convolutions with ReLU between them, skip connections as in
+U-Net (Ronneberger et al. 2015), a sigmoid at the end, nothing fully connected.  Each output depends
+on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method satellite-agnostic.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+from torch.nn import functional as F
+
+from ..types import InputError
+
+WIDTHS = (64, 128, 256)
+STRIDE_PX = 2 ** len(WIDTHS)
+RECEPTIVE_RADIUS_PX = 21
+BEFORE_PX, AFTER_PX = 8, 24  # a box's margin on the stride's grid, from its first and last strides
+CHANNELS = {"rgb": 3, "event": 1}
+FILTERS = ("ring", "reflector")
+DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
+PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
+WEIGHTS = Path(__file__).resolve().parents[2] / "data" / "weights"
+
+
+class FilterNet(nn.Module):
+    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, edges repeated to whole strides within."""
+
+    def __init__(self, channels: int, prior: float = 0.5):
+        super().__init__()
+        a, b, c = WIDTHS
+        self.down = nn.ModuleList([nn.Conv2d(i, o, 3, padding=1) for i, o in ((channels, a), (a, b), (b, c))])
+        up = dict(kernel_size=3, stride=2, padding=1, output_padding=1)
+        self.up = nn.ModuleList([nn.ConvTranspose2d(i, o, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))])
+        for layer in [*self.down, *self.up]:
+            nn.init.kaiming_normal_(layer.weight)
+            nn.init.zeros_(layer.bias)
+        # rare pixels: start at the prior, or cross-entropy spends its first epochs learning it
+        nn.init.constant_(self.up[-1].bias, float(np.log(prior / (1 - prior))))
+
+    def forward(self, x):
+        height, width = x.shape[-2:]
+        # zeros would be an edge beside a noisy background, where training's crops have none
+        x = F.pad(x, (0, -width % STRIDE_PX, 0, -height % STRIDE_PX), mode="replicate")
+        pooled = []
+        for convolution in self.down:
+            x = F.relu(F.max_pool2d(convolution(x), 2))  # ReLU after pooling: equal, and four times less
+            pooled.append(x)
+        x = torch.cat([F.relu(self.up[0](x)), pooled[1]], 1)
+        x = F.relu(self.up[1](x)), pooled[0]
+        return up_to_one_channel(x, self.up[2].weight, self.up[2].bias)[..., :height, :width]
+
+
+def up_to_one_channel(parts, weight, bias):
+    """The last transposed convolution, of the channels (N, C, H, W) of all parts together: its nine taps of
+    each pixel in one product, then sums by parity.  Equal to the general one, which is made for many channels
+    out and several times slower here.
+
+    Along one axis ``y[2i] = w[1] x[i]`` and ``y[2i + 1] = w[2] x[i] + w[0] x[i + 1]``.
+    """
+    kernels = weight[:, 0].flatten(1).T.split([x.shape[1] for x in parts], 1)
+    taps = sum(F.conv2d(x, k[..., None, None]) for x, k in zip(parts, kernels, strict=True))
+    exact = torch.promote_types(taps.dtype, torch.float32)
+    taps = taps.to(exact).unflatten(1, (3, 3))
+    for axis in (-2, -1):
+        before, at, after = taps.unbind(1)
+        following = F.pad(before.narrow(axis, 1, before.shape[axis] - 1), (0, axis == -1, 0, axis == -2))
+        taps = torch.stack([at, after + following], axis).flatten(axis - 1, axis)
+    return taps[:, None] + bias.to(exact)
+
+
+def best_precision() -> str:
+    """The environment's ``LMMAP_PRECISION``, or ``"bfloat16"`` where the processor multiplies it in hardware
+    (AVX-512 BF16 or AMX)."""
+    if wanted := os.environ.get("LMMAP_PRECISION"):
+        return wanted
+    probes = ("_is_avx512_bf16_supported", "_is_amx_tile_supported")
+    fast = any(getattr(torch.cpu, probe, lambda: False)() for probe in probes)
+    return "bfloat16" if fast else "float32"
+
+
+def encode(images: np.ndarray, modality: str) -> torch.Tensor:
+    """Network input (N, C, H, W) f32 in [0, 1] of RGB frames (N, H, W, 3) or histograms (N, H, W).
+
+    Frames are linear in light: the square root spreads their dark half.  Counts saturate at 8.
+    """
+    x = torch.from_numpy(np.array(images, np.float32))  # a copy: recordings are read-only
+    if modality == "rgb":
+        return (x / 255).sqrt().movedim(-1, 1)
+    return (x.clamp(max=8) / 8).unsqueeze(1)
+
+
+def keep_freed_memory() -> None:
+    """Have glibc keep the networks' large buffers: given back at each free and faulted in anew page by page,
+    they cost a fifth of the time.  Other allocators are left as they are."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt:
+        for option, size in ((M_MMAP_THRESHOLD, 64 << 20), (M_TRIM_THRESHOLD, 256 << 20)):
+            mallopt(option, size)
+
+
+class Filter:
+    """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
+
+    ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
+    """
+
+    def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
+        self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
+        if self.precision not in PRECISIONS:
+            raise ValueError(f"Filter: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}")
+        keep_freed_memory()
+        self._dtype = PRECISIONS[self.precision]
+        self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
+
+    @torch.inference_mode()
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        shape = (None, None, 3) if self.modality == "rgb" else (None, None)
+        if image.ndim != len(shape) or (shape[2:] and image.shape[2] != 3) or 0 in image.shape:
+            raise ValueError(f"Filter: a {self.modality} image has shape {shape}, got {image.shape}")
+        if not np.all(np.isfinite(image)):
+            raise ValueError("Filter: the image holds NaN or infinite values")
+        x = encode(image[None], self.modality).to(dtype=self._dtype, memory_format=torch.channels_last)
+        return torch.sigmoid(self._net(x)[0, 0].float()).numpy()
+
+
+def crop_bounds(low_px, high_px, size_px) -> tuple[slice, slice]:
+    """Rows and columns around a box, on the network's stride and padded by its receptive field, so
+    that the filter's output inside the box equals that on the full frame."""
+    size = np.asarray(size_px)
+    first = np.clip(np.floor(low_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
+    last = np.clip(np.ceil(high_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
+    start = np.maximum(first - BEFORE_PX, 0).astype(int)
+    stop = np.minimum(last + AFTER_PX, size).astype(int)
+    return slice(start[1], stop[1]), slice(start[0], stop[0])
+
+
+def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
+    """Where the weights of a filter ship."""
+    return WEIGHTS / f"{name}-{modality}-{domain_gap}.safetensors"
+
+
+def save_weights(net: FilterNet, path, card: dict) -> None:
+    """Half-precision safetensors, and the model card beside it with the file's hash."""
+    tensors = {k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()}
+    save_file(tensors, path)
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    Path(path).with_suffix(".json").write_text(json.dumps({**card, "sha256": digest}, indent=1) + "\n")
+
+
+def load_card(path) -> dict:
+    """The model card beside a weight file."""
+    return json.loads(Path(path).with_suffix(".json").read_text())
+
+
+def shipped_gaps() -> list[str]:
+    """Those of `DOMAIN_GAPS` of which all filters are there."""
+    everything = [(f, m) for f in FILTERS for m in CHANNELS]
+    return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
+
+
+def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
+    """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
+    path = Path(path)
+    try:
+        with safe_open(path, "pt") as file:
+            tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
+        expected = load_card(path)["sha256"]
+        actual = hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError, KeyError, SafetensorError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: no readable weights ({reason}); restore it or run 'make train'") from None
+    if actual != expected:
+        raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
+    shapes = {k: v.shape for k, v in FilterNet(CHANNELS[modality]).state_dict().items()}
+    if {k: v.shape for k, v in tensors.items()} != shapes:
+        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet")
+    if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
+        raise InputError(f"{path}: weights that are not finite; restore it or run 'make train'")
+    return tensors
+
+
+def load_filter(path, modality: str, precision: str = "auto") -> Filter:
+    """A filter from its weight file; errors as `load_weights`."""
+    net = FilterNet(CHANNELS[modality])
+    net.load_state_dict(load_weights(path, modality))
+    return Filter(net, modality, precision)

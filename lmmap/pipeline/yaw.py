@@ -1,0 +1,227 @@
+"""The sixth degree of freedom: which normal, and which yaw, explain the reflector mask.
+
+The markers stand above the ring's plane, so a wrong normal moves them by parallax: that, more than
+their outline, tells the two circles' poses apart.  The markers are projected in three dimensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from ..geometry.projection import project, rotation_z
+from ..types import PAPER, Camera, Port, Pose, Settings, frozen_array
+
+# by `python tuning/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
+YAW_INFLATION = 0.84
+YAW_MARGIN = 0.15  # below, another yaw is as good: by the same script
+ELSEWHERE = 0.25  # of a period: a yaw that far from the best is another one
+
+
+@dataclass(frozen=True)
+class YawFit:
+    """The better of the two normals with its best yaw, and the other normal with its best yaw.
+
+    Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` says how sure
+    the choice of the normal is: by how much of its own size the criterion falls from the better normal
+    to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal, and ``yaw_margin`` by
+    how much of its own size the correlation falls to the best of the other yaws; below `YAW_MARGIN` the yaw
+    is not known.
+    """
+
+    T_cam_port: Pose
+    score: float
+    rival: Pose
+    rival_score: float
+    margin: float = 0.0
+    sigma_rad: float = np.inf
+    yaw_margin: float = 0.0
+
+    @property
+    def yaw_known(self) -> bool:
+        return self.yaw_margin >= YAW_MARGIN
+
+
+def paper_yaw(
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+) -> YawFit:
+    """The paper's grid: both normals, every degree of yaw, largest sum of mask times projected
+    markers (its equation 3 prints argmin where it maximises).
+
+    Parameters
+    ----------
+    reflector_mask : (H, W), values in [0, 1]
+    T_cam_port : Pose of shape (2,)
+        The two candidates; their yaw is the grid's zero.
+    """
+    mask = _check(reflector_mask, T_cam_port, camera)
+    yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
+    hypotheses = _turned(T_cam_port[:, None], yaws)  # (2, N)
+    corners = _project_markers(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
+    total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
+    if np.all(np.isfinite(corners)):
+        low = np.floor(corners.min((0, 1, 2, 3))).astype(int).clip(0, camera.size_px)
+        high = np.ceil(corners.max((0, 1, 2, 3))).astype(int).clip(-1, np.array(camera.size_px) - 1) + 1
+        crop = mask[low[1] : high[1], low[0] : high[0]]
+        if crop.size:
+            fixed_point = np.round((corners - low) * 16).astype(np.int32)
+            for index in np.ndindex(total.shape):
+                drawn = cv2.fillPoly(np.zeros(crop.shape, np.uint8), list(fixed_point[index]), 1, shift=4)
+                total[index] = np.sum(crop, where=drawn.astype(bool))
+                mean[index] = total[index] / max(drawn.sum(), 1)
+    best = total.argmax(1)
+    return _fit(hypotheses[[0, 1], best], total.max(1), mean[[0, 1], best])
+
+
+def fast_yaw(
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+) -> YawFit:
+    """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
+
+    The mask is warped to polar coordinates of the markers' plane (z = plate height), where yaw is a
+    shift; its symmetric sectors are folded, correlated with one marker by FFT, and a parabola
+    through the peak gives the yaw.  Between the normals the larger cosine between mask and projected
+    markers wins, mean * sqrt(area): a plain mean would favour the smaller outline and a plain sum the
+    larger one.  Arguments as `paper_yaw`; markers outside the image or behind the camera count as
+    unlit.
+    """
+    mask = _check(reflector_mask, T_cam_port, camera)
+    points_m, template, step_rad = _polar_template(port, settings)
+    folded = _sample(mask, _project_markers(T_cam_port, points_m, camera))
+    folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
+    spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
+    correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
+
+    yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
+    yaw_margin = _margin(correlation)
+    poses = _turned(T_cam_port, yaw_rad)
+
+    outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
+    mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
+    sigma_rad = YAW_INFLATION * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
+    unknown_rad = port.yaw_period_rad / np.sqrt(12)
+    sigma_rad = np.where(yaw_margin >= YAW_MARGIN, np.minimum(sigma_rad, unknown_rad), unknown_rad)
+    return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
+
+
+def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
+    """Mean of the mask (H, W) inside the projected markers of poses (N,), shape (N,)."""
+    mask = np.ascontiguousarray(reflector_mask, np.float32)
+    return _sample(mask, _project_markers(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
+
+
+def _turned(T: Pose, yaw_rad) -> Pose:
+    rotation = T.rotation @ rotation_z(yaw_rad)
+    return Pose(rotation, np.broadcast_to(T.position_m, rotation.shape[:-1]))
+
+
+def _project_markers(T_cam_port: Pose, points_m, camera: Camera):
+    """(*B,) poses and (*P, 3) points -> (*B, *P, 2) px."""
+    R, p = T_cam_port.rotation, T_cam_port.position_m
+    points = np.asarray(points_m)
+    flat = R @ points.reshape(-1, 3).T + p[..., None]  # components apart, as `project` wants them
+    return project(np.moveaxis(flat, -2, -1), camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
+
+
+def _sample(mask, points_px):
+    """Bilinear values of the mask, zero outside the image and behind the camera."""
+    grid = np.nan_to_num(points_px, nan=-10).clip(-10, 30_000).astype(np.float32)
+    grid = grid.reshape(-1, grid.shape[-2], 2)
+    return cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
+
+
+def reach_m(port: Port) -> float:
+    """Radius about the port's axis within which `fast_yaw` looks for the markers."""
+    tangential, depth = np.array(port.marker_size_m) / 2
+    return float(1.1 * np.hypot(port.marker_radius_m + depth, tangential))
+
+
+@lru_cache
+def _polar_template(port: Port, settings: Settings, radial: int = 16):
+    """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
+    folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
+    per_period = round(port.yaw_period_rad / settings.yaw_step_rad)
+    step_rad = port.yaw_period_rad / per_period
+    angles = np.arange(per_period * port.symmetry) * step_rad
+    tangential, depth = np.array(port.marker_size_m) / 2
+    near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
+    radii = np.linspace(0.8 * near, reach_m(port), radial)
+    x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
+    marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
+    template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
+    points_m = np.stack([x, y, np.full_like(x, port.plate_height_m)], -1)
+    return frozen_array(points_m), frozen_array(template), step_rad
+
+
+_corners_m = lru_cache(Port.marker_corners_m)
+
+
+@lru_cache
+def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
+    """Points spread evenly over the markers, shape (symmetry, radial * tangential, 3)."""
+    corners = _corners_m(port)
+    s, t = ((np.arange(n) + 0.5) / n for n in (radial, tangential))
+    along, across = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
+    grid = (
+        corners[:, 0][:, None, None]
+        + s[:, None, None] * along[:, None, None]
+        + t[None, :, None] * across[:, None, None]
+    )
+    return frozen_array(grid.reshape(len(corners), -1, 3))
+
+
+def _area_px(corners_px):
+    """Total area of the markers' outlines, (..., S, 4, 2) -> (...); zero behind the camera."""
+    a, b = np.moveaxis(corners_px, -1, 0)
+    cross = a * np.roll(b, -1, -1) - b * np.roll(a, -1, -1)
+    return np.nan_to_num(np.abs(cross.sum(-1)).sum(-1) / 2)
+
+
+def _fit(poses: Pose, criterion, score, sigma_rad=(np.inf, np.inf), yaw_margin=(0.0, 0.0)) -> YawFit:
+    best = int(np.argmax(criterion))
+    margin = 1 - criterion[1 - best] / criterion[best] if criterion[best] > 0 else 0.0
+    return YawFit(poses[best], float(score[best]), poses[1 - best], float(score[1 - best]), float(margin),
+                  float(sigma_rad[best]), float(yaw_margin[best]))  # fmt: skip
+
+
+def _margin(correlation) -> np.ndarray:
+    """By how much of its own size a correlation (N, yaws) falls from its peak to its highest value at least
+    `ELSEWHERE` of the period away, (N,) in [0, 1]; 0 where nothing correlates."""
+    count = correlation.shape[-1]
+    apart = np.abs(np.arange(count) - correlation.argmax(1)[:, None])
+    far = np.minimum(apart, count - apart) >= ELSEWHERE * count
+    top, other = correlation.max(1), np.where(far, correlation, -np.inf).max(1)
+    return np.where(top > 0, 1 - np.maximum(other, 0) / np.where(top > 0, top, 1), 0)
+
+
+def _peak(correlation, folded, template, step_rad: float):
+    """Yaw (2,) of the correlation's peak by a parabola, and its standard deviation.
+
+    To second order half the squared misfit between mask and a scaled template, weighted by area, grows by
+    a * bend * yaw^2 / 2, with a the best amplitude; so noise of variance s^2 a sample turns the peak by
+    s / sqrt(a * bend).
+    """
+    at, count = correlation.argmax(1), correlation.shape[-1]
+    left, top, right = (correlation[[0, 1], (at + k) % count] for k in (-1, 0, 1))
+    bend = np.maximum(2 * top - left - right, 0)
+    offset = np.where(bend > 0, 0.5 * (right - left) / np.where(bend > 0, bend, 1), 0)
+    amplitude = np.maximum(top, 0) / template.sum()
+    fitted = amplitude[:, None, None] * np.stack([np.roll(template > 0, k, 1) for k in at])
+    variance = np.mean((folded - fitted) ** 2, (1, 2))
+    sharp = amplitude * bend
+    sigma = np.sqrt(variance / np.where(sharp > 0, sharp, 1)) * step_rad
+    return (at + offset) * step_rad, np.where(sharp > 0, sigma, np.inf)
+
+
+def _check(mask, T_cam_port: Pose, camera: Camera):
+    mask = np.ascontiguousarray(mask, np.float32)
+    if mask.shape != (camera.height_px, camera.width_px):
+        raise ValueError(
+            f"reflector_mask: expected shape {(camera.height_px, camera.width_px)}, got {mask.shape}"
+        )
+    if T_cam_port.position_m.shape != (2, 3):
+        raise ValueError(f"T_cam_port: expected two poses, got shape {T_cam_port.position_m.shape[:-1]}")
+    return mask

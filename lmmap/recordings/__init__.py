@@ -1,0 +1,2 @@
+"""Recordings as files: `formats` opens them, `stream` reads them piece by piece, and each format
+has its own reader."""

@@ -1,0 +1,142 @@
+"""Recordings as files, ours and foreign.
+
+``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
+whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
+``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
+A folder of bags may share one ``camera.json``.
+Writers are atomic: a file is complete under its name, or it is not there.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from ..files import CAMERA, atomic, beside
+from ..types import Camera, InputError, Recording
+from . import aedat4, hdf5, plain, rosbag
+from .health import health
+from .pose_files import (
+    read_estimates,
+    read_trajectory,
+    trajectory_of,
+    write_estimates,
+    write_trajectory,
+)
+from .stream import Stream, checked_events, checked_frames
+
+__all__ = [
+    "FORMATS",
+    "health",
+    "open_recording",
+    "open_stream",
+    "read_estimates",
+    "read_trajectory",
+    "trajectory_of",
+    "write_aedat4",
+    "write_estimates",
+    "write_npz",
+    "write_recording",
+    "write_trajectory",
+]
+
+DAVIS346_PX = (346, 260)
+
+
+def open_recording(path, camera: Camera | str | Path | None = None) -> Recording:
+    """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
+
+    ``camera`` (or a calibration file) wins over ``NAME.camera.json``.  Without either, a recording of
+    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.
+    """
+    return open_stream(path, camera).collect()
+
+
+def open_stream(path, camera: Camera | str | Path | None = None, *, checked: bool = True) -> Stream:
+    """As `open_recording`, but read while it is used, in bounded memory however long the recording.
+
+    Faults in the data are raised when they are met, or with ``checked=False`` never.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file; check the path")
+    kind = "folder" if path.is_dir() else path.suffix.lower()
+    if kind not in READERS:
+        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
+    source = READERS[kind](path)
+    camera = _camera(path, source.size_px, camera)
+    beside = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
+    truth = read_trajectory(beside[0]) if beside else None
+    return Stream(path.stem, camera, source, truth, checked)
+
+
+def _camera(path: Path, size_px, camera) -> Camera:
+    own = path.with_suffix(".camera.json")
+    if camera is None:
+        camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
+    if camera is None and size_px == DAVIS346_PX:
+        warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
+        return Camera.davis346()
+    if camera is None:
+        size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
+        raise InputError(f"{path}: no calibration for {size}; give one with --camera")
+    name = "camera" if isinstance(camera, Camera) else camera
+    camera = camera if isinstance(camera, Camera) else Camera.load(camera)
+    if size_px is not None and camera.size_px != size_px:
+        raise InputError(
+            f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "
+            f"{camera.width_px} x {camera.height_px} px; give the calibration of this camera"
+        )
+    return camera
+
+
+def write_aedat4(recording: Recording, path) -> None:
+    """Write AEDAT4 (Zstandard), the camera and the truth beside it; raises `InputError`."""
+    write_recording(recording, path, (".aedat4",))
+
+
+def write_npz(recording: Recording, path) -> None:
+    """Write a compressed npz, the camera and the truth beside it; raises `InputError`."""
+    write_recording(recording, path, (".npz",))
+
+
+def write_recording(recording: Recording, path, suffixes=None) -> None:
+    """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`."""
+    path, r = Path(path), recording
+    suffixes = suffixes or tuple(WRITERS)
+    if path.suffix not in suffixes:
+        raise InputError(
+            f"{path}: cannot write '{path.suffix}'; expected a name that ends in {', '.join(suffixes)}"
+        )
+    for _ in (
+        *checked_events(r.chunks(), r.camera.size_px),
+        *checked_frames(r.timed_frames(), r.camera.size_px),
+    ):
+        pass  # ValueError: the caller's fault, found before anything is written
+    with atomic(path.with_suffix(".camera.json")) as temporary:
+        r.camera.save(temporary)
+    if r.truth is not None:
+        write_trajectory(r.truth, path.with_suffix(".truth.csv"))
+    with atomic(path) as temporary:
+        WRITERS[path.suffix](r, temporary)
+        if r.truth is None:  # one of another recording would be taken for this one's
+            path.with_suffix(".truth.csv").unlink(missing_ok=True)
+
+
+WRITERS = {
+    ".aedat4": aedat4.write,
+    ".bag": rosbag.write,
+    ".h5": hdf5.write,
+    ".hdf5": hdf5.write,
+    ".npz": plain.write_npz,
+}
+FORMATS = (  # what it is, how its name ends, its reader
+    ("AEDAT4 of iniVation's DV", (".aedat4",), aedat4.read),
+    ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), rosbag.read),
+    ("HDF5 in the layouts of DSEC (ours too) and MVSEC", (".h5", ".hdf5"), hdf5.read),
+    ("our arrays of numpy", (".npz",), plain.read_npz),
+    ("events as text, t x y p", (".txt",), plain.read_text),
+    ("images with timestamps.txt or images.txt", ("folder",), plain.read_folder),
+    ("video", (".mp4", ".avi", ".mkv", ".mov"), plain.read_video),
+)
+READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}

@@ -1,0 +1,131 @@
+"""Images as they come: from an attached camera, or from a recording played in the time that it took.
+
+A device has ``size_px``, ``running()``, ``now_us()`` and ``pending(modality)``, what has come since
+the last call: chunks of events, or ``(t_us, frame)``.  `newest` never queues: what could not be looked at in
+time is counted as skipped, so that a slow machine answers late for few images, not later and later for all.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import dv_processing as dv
+import numpy as np
+
+from ..pipeline.histograms import WIDER, joined, looks
+from ..types import EVENT, InputError
+from .aedat4 import rgb
+from .stream import Stream
+
+
+class Shot(NamedTuple):
+    """An image, the times of it and of its newest event (us), and how many were skipped before it; of
+    events also the time and image of `WIDER` times as many, or None."""
+
+    t_us: int
+    image: np.ndarray
+    newest_us: int
+    skipped: int
+    wider: tuple[int, np.ndarray] | None = None
+
+
+class Played:
+    """A stream in real time; its clock starts at the first call of `pending`."""
+
+    def __init__(self, stream: Stream, clock: Callable[[], float] = time.monotonic):
+        self.size_px = stream.camera.size_px
+        self._clock, self._start_s, self._first_us = clock, None, None
+        self._sources = {"event": stream.chunks(), "rgb": stream.timed_frames()}
+        self._held = None  # what is not due yet
+        self._over = False
+
+    def now_us(self) -> int:
+        """Time of the recording now."""
+        return self._first_us + round((self._clock() - self._start_s) * 1e6)
+
+    def running(self) -> bool:
+        return not self._over
+
+    def pending(self, modality: str) -> list:
+        due, source = [], self._sources[modality]
+        while True:
+            if self._held is None:
+                self._held = next(source, None)
+                if self._held is None:
+                    self._over = True
+                    return due
+            if self._start_s is None:
+                t_us = self._held["t_us"] if modality == "event" else self._held[0]
+                self._start_s, self._first_us = self._clock(), int(np.ravel(t_us)[0])
+            if modality == "rgb":
+                if self._held[0] > self.now_us():
+                    return due
+                due.append(self._held)
+                self._held = None
+                continue
+            k = int(np.searchsorted(self._held["t_us"], self.now_us(), side="right"))
+            due.append(self._held[:k])
+            if k < len(self._held):
+                self._held = self._held[k:]
+                return due
+            self._held = None
+
+
+class Attached:
+    """The first camera that dv-processing finds."""
+
+    def __init__(self):
+        if not dv.io.camera.discover():
+            raise InputError("live: no camera found; attach one, or name a recording to play in real time")
+        try:
+            self._device = dv.io.camera.open()
+        except RuntimeError as error:  # in use, or no permission
+            reason = (str(error).splitlines() or ["no reason given"])[0]
+            raise InputError(f"live: cannot open the camera ({reason}); close other viewers") from None
+        self.size_px = tuple(self._device.getEventResolution())
+        self._offset_us = None
+
+    def now_us(self) -> int:
+        """Now, in the camera's time; its clock is read off the first data."""
+        return time.monotonic_ns() // 1000 + (self._offset_us or 0)
+
+    def running(self) -> bool:
+        return self._device.isRunning()
+
+    def pending(self, modality: str) -> list:
+        if modality == "event":
+            batches = iter(self._device.getNextEventBatch, None)
+            found = [b.numpy().view("V16").view(EVENT) for b in batches if not b.isEmpty()]
+            newest_us = found[-1]["t_us"][-1] if found else None
+        else:
+            found = [(f.timestamp, rgb(f.image)) for f in iter(self._device.getNextFrame, None)]
+            newest_us = found[-1][0] if found else None
+        if newest_us is not None and self._offset_us is None:
+            self._offset_us = int(newest_us) - time.monotonic_ns() // 1000
+        return found
+
+
+def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator[Shot]:
+    """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
+    the device runs; a wider one where its time is after the shot before."""
+    recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
+    while device.running():
+        if not (pending := device.pending(modality)):
+            time.sleep(wait_s)
+            continue
+        if modality == "rgb":
+            t_us, frame = pending[-1]
+            yield Shot(t_us, frame, t_us, len(pending) - 1)
+            continue
+        fresh += sum(len(chunk) for chunk in pending)
+        recent = joined([recent, *pending])[-math.ceil(WIDER) * count :]
+        if fresh < count:
+            time.sleep(wait_s)
+            continue
+        skipped, fresh = fresh // count - 1, 0
+        first, *wider = looks(recent, count, device.size_px, before_us)
+        yield Shot(*first, int(recent["t_us"][-1]), skipped, *wider)
+        before_us = first[0]

@@ -1,0 +1,175 @@
+"""Trajectories and estimates as text files, written whole or not at all.
+
+CSV holds ``T_cam_port`` with ``t_us,x_m,y_m,z_m,qx,qy,qz,qw``; TUM holds, as its tools expect, the
+camera's pose in the port's frame with times in seconds.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..files import atomic
+from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
+
+POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
+SCORES = ("arc_coverage", "marker_score", "rival_score")
+CERTAINTY = ("margin", "tilt_sigmas")
+AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance, see `uncertainty`: m and rad, camera's axes
+UPPER = np.triu_indices(6)
+COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
+PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_", "ring": "ring_", "twin": "twin_"}
+COLUMNS = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
+COLUMNS += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
+COLUMNS += [*CERTAINTY, *COVARIANCE]
+COLUMNS += [prefix + name for prefix in ("ring_", "twin_") for name in POSE]
+
+
+def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
+    """Write ``csv`` (T_cam_port, microseconds) or ``tum`` (camera in the port's frame, seconds)."""
+    if format not in ("csv", "tum"):
+        raise ValueError(f"format: expected 'csv' or 'tum', got {format!r}")
+    T = trajectory.T_cam_port if format == "csv" else trajectory.T_cam_port.inverse
+    rows = zip(trajectory.t_us.tolist(), _pose_rows(T), strict=True)
+    with atomic(path) as temporary, temporary.open("w", newline="") as file:
+        if format == "csv":
+            csv.writer(file, lineterminator="\n").writerows(
+                [("t_us", *POSE), *((t_us, *pose) for t_us, pose in rows)]
+            )
+        else:
+            file.writelines(_tum_line(t_us, pose) for t_us, pose in rows)
+
+
+def tum_line(t_us: int, T_cam_port: Pose) -> str:
+    """One pose as `write_trajectory` writes it."""
+    return _tum_line(int(t_us), _pose_rows(T_cam_port.inverse[None])[0])
+
+
+def _tum_line(t_us: int, pose: list[str]) -> str:
+    return f"{t_us // 10**6}.{t_us % 10**6:06d} {' '.join(pose)}\n"
+
+
+def read_trajectory(path, format: str | None = None) -> Trajectory:
+    """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum, else CSV."""
+    path = Path(path)
+    tum = format == "tum" if format else path.suffix in (".txt", ".tum")
+    try:
+        if tum:
+            lines = [line.split() for line in path.read_text().splitlines()]
+            table = [line for line in lines if line and not line[0].startswith("#")]
+            t_us = [round(float(one[0]) * 1e6) for one in table]
+            T = _poses([one[1:8] for one in table]).inverse
+        else:
+            table = _read_csv(path, ("t_us", *POSE))
+            t_us = [int(one["t_us"]) for one in table]
+            T = _poses([[one[name] for name in POSE] for one in table])
+        return Trajectory(t_us, T)
+    except (OSError, ValueError, KeyError, OverflowError, csv.Error) as error:
+        form = "TUM lines" if tum else f"CSV with t_us,{','.join(POSE)}"
+        raise InputError(f"{path}: not a trajectory ({_first_line(error)}); expected {form}") from None
+
+
+def write_estimates(estimates: list[Estimate], path) -> None:
+    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's and the paper's pose,
+    certainty, and the upper triangle of the pose's covariance."""
+    with atomic(path) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(as_row(e) for e in estimates)
+
+
+def as_row(e: Estimate) -> dict:
+    """The line of an estimate, by `COLUMNS`; what it has not is absent."""
+    row = {"t_us": int(e.t_us), "status": str(e.status)}
+    row |= {name: f"{getattr(e, name):.6g}" for name in (*SCORES, *CERTAINTY)}
+    if e.covariance is not None:
+        row |= {n: f"{v:.9g}" for n, v in zip(COVARIANCE, e.covariance[UPPER], strict=True)}
+    if e.ellipse is not None:
+        values = np.r_[e.ellipse.centre_px, e.ellipse.semi_axes_px, e.ellipse.angle_rad]
+        row |= {name: f"{v:.6f}" for name, v in zip(ELLIPSE, values, strict=True)}
+    for name, prefix in PREFIXES.items():
+        if (T := getattr(e, name)) is not None:
+            row |= {prefix + n: v for n, v in zip(POSE, _pose_rows(T[None])[0], strict=True)}
+    return row
+
+
+def as_read(e: Estimate) -> Estimate:
+    """The estimate as who reads its line will have it, rounded to the line's digits."""
+    return _estimate(as_row(e))
+
+
+def read_estimates(path) -> list[Estimate]:
+    """Read what `write_estimates` wrote; raises `InputError`."""
+    try:
+        return [_estimate(row) for row in _read_csv(path, ("t_us", "status", *POSE, *SCORES))]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: not a table of estimates ({_first_line(error)}); write it with lmmap estimate"
+        ) from None
+
+
+def _estimate(row: dict) -> Estimate:
+    poses = {
+        name: _poses([[row[prefix + n] for n in POSE]])[0]
+        for name, prefix in PREFIXES.items()
+        if row.get(prefix + "x_m")
+    }
+    ellipse = None
+    if row.get("u_px"):
+        u, v, major, minor, angle = (float(row[n]) for n in ELLIPSE)
+        ellipse = Ellipse([u, v], [major, minor], angle)
+    scores = {name: float(row[name]) for name in SCORES}
+    scores |= {name: float(row[name]) for name in CERTAINTY if row.get(name)}  # newer than the rest
+    covariance = None
+    if row.get(COVARIANCE[0]):
+        covariance = np.zeros((6, 6))
+        covariance[UPPER] = covariance.T[UPPER] = [float(row[n]) for n in COVARIANCE]
+    return Estimate(int(row["t_us"]), Status(row["status"]), ellipse=ellipse, covariance=covariance,
+                    **poses, **scores)  # fmt: skip
+
+
+def trajectory_of(estimates: list[Estimate]) -> Trajectory:
+    """The estimates that have a pose, as a trajectory."""
+    found = [e for e in estimates if e.T_cam_port is not None]
+    return Trajectory([e.t_us for e in found], stacked([e.T_cam_port for e in found]))
+
+
+def stacked(poses: list[Pose]) -> Pose:
+    """Single poses as one of shape (N,)."""
+    rotation = np.array([T.rotation for T in poses]).reshape(-1, 3, 3)
+    return Pose(rotation, np.array([T.position_m for T in poses]).reshape(-1, 3))
+
+
+def _read_csv(path, columns) -> list[dict]:
+    with Path(path).open(newline="") as file:
+        reader = csv.DictReader(file, strict=True)
+        if missing := [c for c in columns if c not in (reader.fieldnames or ())]:
+            raise ValueError(f"no column {', '.join(missing)}")
+        rows = list(reader)
+    if any(None in row or None in row.values() for row in rows):
+        raise ValueError("lines of different length")
+    return rows
+
+
+def _pose_rows(T: Pose) -> list[list[str]]:
+    values = np.concatenate([T.position_m, T.quaternion_xyzw.reshape(-1, 4)], -1)
+    return [[f"{v:.12g}" for v in row] for row in values]
+
+
+def _poses(rows) -> Pose:
+    """Poses of rows x, y, z, qx, qy, qz, qw; ValueError where they are none."""
+    values = np.array(rows, float).reshape(-1, 7)
+    if not np.all(np.isfinite(values)):
+        raise ValueError("a value is not finite")
+    norm = np.linalg.norm(values[:, 3:], axis=1)
+    if np.any(np.abs(norm - 1) > 1e-3):
+        raise ValueError("a quaternion is not of unit length")
+    return Pose(Rotation.from_quat(values[:, 3:]).as_matrix().reshape(-1, 3, 3), values[:, :3])
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,223 @@
+"""ROS 1 bags: event arrays and images, read from their packed bytes, and written."""
+
+from __future__ import annotations
+
+import re
+import struct
+import warnings
+from functools import lru_cache, partial
+from heapq import merge
+from pathlib import Path
+
+import cv2
+import numpy as np
+from rosbags.rosbag1 import Reader, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from ..pipeline.histograms import from_columns
+from ..types import Camera, Recording
+from .stream import Source, naming, pieces, rechunked
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
+EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
+ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
+for _name, _definition in (
+    ("dvs_msgs/msg/Event", EVENT_MSG),
+    ("dvs_msgs/msg/EventArray", ARRAY_MSG),
+    ("tf2_msgs/msg/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
+):
+    STORE.register(get_types_from_msg(_definition, _name))
+PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), ("ns", "<u4")]}
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+TO_RGB = {
+    "mono8": cv2.COLOR_GRAY2RGB, "8UC1": cv2.COLOR_GRAY2RGB,
+    "bgr8": cv2.COLOR_BGR2RGB, "8UC3": cv2.COLOR_BGR2RGB,
+    "rgb8": None, "rgba8": cv2.COLOR_RGBA2RGB, "bgra8": cv2.COLOR_BGRA2RGB,
+    "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB, "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
+    "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB, "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
+}  # fmt: skip
+
+
+def read(path: Path) -> Source:
+    """The first topic of each kind; raises `InputError`."""
+    with named(path), Reader(path) as bag:
+        arrays = _topic(bag, path, _is_events)
+        images = _topic(bag, path, IMAGES.__contains__)
+        if not arrays and not images:
+            raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
+        arrays, images = (some if any(c.msgcount for c in some) else [] for some in (arrays, images))
+        first = next(bag.messages(arrays or images), None) if arrays or images else None
+        if first is None:
+            raise ValueError("no message in its topics")
+        connection, _, raw = first
+        size_px = (
+            _events(raw, connection.msgdef.data)[0] if arrays else _image(raw, connection)[1].shape[1::-1]
+        )
+        span_us = bag.start_time // 1000, bag.end_time // 1000
+    return Source(
+        path, tuple(size_px), partial(_chunks, path, tuple(size_px)), partial(_frames, path), span_us
+    )
+
+
+def _chunks(path: Path, size_px: tuple[int, int]):
+    def batches(bag):
+        for connection, _, raw in _messages(bag, path, _is_events):
+            size, batch = _events(raw, connection.msgdef.data)
+            if size != size_px:
+                raise ValueError(f"event arrays for {size} px among those for {size_px} px")
+            yield batch
+
+    with named(path), Reader(path) as bag:
+        yield from rechunked(batches(bag))
+
+
+def _frames(path: Path):
+    with named(path), Reader(path) as bag:
+        for connection, _, raw in _messages(bag, path, IMAGES.__contains__):
+            yield _image(raw, connection)
+
+
+def _messages(bag: Reader, path: Path, wanted):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # said when the file was opened
+        connections = _topic(bag, path, wanted)
+    return bag.messages(connections) if connections else iter(())  # of no connection means of all
+
+
+def _is_events(kind: str) -> bool:
+    return kind.endswith("/EventArray")
+
+
+def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
+    message = STORE.deserialize_ros1(raw, connection.msgtype)
+    stamp = message.header.stamp
+    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, _rgb(message)
+
+
+def named(path: Path):
+    """A context in which what damaged bytes raise becomes one `InputError` line."""
+    remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
+    return naming(path, "cannot read this bag", remedy)
+
+
+def _topic(bag: Reader, path: Path, wanted) -> list:
+    found = sorted((c for c in bag.connections if wanted(c.msgtype)), key=lambda c: c.topic)
+    if skipped := sorted({c.topic for c in found} - {c.topic for c in found[:1]}):
+        warnings.warn(f"{path}: taking {found[0].topic}, not {', '.join(skipped)}", stacklevel=4)
+    return [c for c in found if c.topic == found[0].topic]
+
+
+@lru_cache
+def _layout(definition: str) -> tuple[list[str], np.dtype]:
+    """Names of an array's fields and the packed record of an event, whichever order its definition states."""
+    whole, _, parts = definition.partition("\n===")
+    part = next(p for p in parts.split("\n===") if re.search(r"MSG: *\S+/Event\s", p))
+    head, fields = _fields(whole), _fields(part)
+    names = [name for _, name in head]
+    if sorted(names[1:3]) != ["height", "width"] or names[0] != "header" or names[3:] != ["events"]:
+        raise ValueError(f"an event array of fields {names}")
+    return names, np.dtype([({"p": "polarity"}.get(name, name), PACKED[kind]) for kind, name in fields])
+
+
+def _events(raw: bytes, definition: str):
+    """Size and events of one message."""
+    names, record = _layout(definition)
+    at = 16 + struct.unpack_from("<I", raw, 12)[0]  # sequence, seconds, nanoseconds, name of the frame
+    first, second, count = struct.unpack_from("<III", raw, at)
+    if len(raw) != at + 12 + count * record.itemsize:
+        raise ValueError(f"an event array of {len(raw)} bytes for {count} events")
+    e = np.frombuffer(raw, record, count, at + 12)
+    t_us = e["ts"]["s"].astype(np.int64) * 10**6 + (e["ts"]["ns"].astype(np.int64) + 500) // 1000
+    size = {names[1]: first, names[2]: second}
+    return (size["width"], size["height"]), from_columns(t_us, e["x"], e["y"], e["polarity"])
+
+
+def _fields(definition: str) -> list[tuple[str, str]]:
+    lines = (line.split("#")[0].split() for line in definition.splitlines())
+    return [
+        (line[0], line[1]) for line in lines if len(line) == 2 and "=" not in line[0] and line[0] != "MSG:"
+    ]
+
+
+def _rgb(message) -> np.ndarray:
+    if hasattr(message, "format"):
+        bgr = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
+        if bgr is None:
+            raise ValueError("a compressed image that does not decode")
+        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+    if message.encoding not in TO_RGB:
+        raise ValueError(f"images encoded as {message.encoding}")
+    rows = np.asarray(message.data).reshape(message.height, message.step)
+    depth = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3}.get(message.encoding, 1)
+    pixels = np.ascontiguousarray(rows[:, : message.width * depth]).reshape(
+        message.height, message.width, depth
+    )
+    code = TO_RGB[message.encoding]
+    return pixels if code is None else cv2.cvtColor(pixels, code)
+
+
+def write(recording: Recording, path: Path, others=(), calibrated: bool = True) -> None:
+    """Write ``/dvs/events``, ``/dvs/image_raw`` and, if ``calibrated``, ``/dvs/camera_info`` with each image.
+
+    ``others`` are further topics: ``(topic, type, messages)`` with messages ``(t_us, bytes)`` in the order
+    of time.  All are interleaved by time.  Raises `OSError`, and ValueError for negative times.
+    """
+    topics = [("/dvs/events", "dvs_msgs/msg/EventArray", _event_messages(recording)),
+              ("/dvs/image_raw", IMAGES[0], _image_messages(recording)), *others]  # fmt: skip
+    if calibrated:
+        info = _camera_info(recording.camera)
+        messages = ((t_us, header(t_us) + info) for t_us, _ in recording.timed_frames())
+        topics.append(("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", messages))
+    with Writer(path) as bag:
+        connections = [bag.add_connection(topic, kind, typestore=STORE) for topic, kind, _ in topics]
+        ordered = merge(*(_numbered(k, some) for k, (_, _, some) in enumerate(topics)), key=lambda m: m[0])
+        for t_us, k, raw in ordered:
+            bag.write(connections[k], t_us * 1000, raw)
+
+
+def _numbered(number: int, messages):
+    return ((t_us, number, raw) for t_us, raw in messages)
+
+
+def _event_messages(recording: Recording):
+    width, height = recording.camera.size_px
+    record = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+    for chunk in recording.chunks():
+        for e in pieces(chunk, PER_MESSAGE):
+            packed = np.zeros(len(e), record)
+            packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
+            packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
+            t_us = int(e["t_us"][-1])
+            yield t_us, header(t_us) + struct.pack("<III", height, width, len(e)) + packed.tobytes()
+
+
+def _image_messages(recording: Recording):
+    width, height = recording.camera.size_px
+    form = struct.pack("<II", height, width) + struct.pack("<I", 4) + b"rgb8"
+    form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
+    for t_us, frame in recording.timed_frames():
+        yield int(t_us), header(t_us) + form + np.ascontiguousarray(frame).tobytes()
+
+
+def header(t_us: int, frame: str = "") -> bytes:
+    """A std_msgs/Header; ValueError for a negative time."""
+    if t_us < 0:
+        raise ValueError("bag: times must not be negative")
+    return struct.pack("<III", 0, t_us // 10**6, t_us % 10**6 * 1000) + text(frame)
+
+
+def text(value: str) -> bytes:
+    """A string as a message holds it."""
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+def _camera_info(camera: Camera) -> bytes:
+    """A sensor_msgs/CameraInfo behind its header; k1, k2, p1, p2, k3 are the plumb_bob model's."""
+    D = np.zeros(5)
+    D[: len(camera.distortion)] = camera.distortion
+    P = np.column_stack([camera.K, np.zeros(3)])
+    model = b"plumb_bob"
+    body = struct.pack(f"<III{len(model)}sI", camera.height_px, camera.width_px, len(model), model, len(D))
+    body += np.concatenate([D, camera.K.ravel(), np.eye(3).ravel(), P.ravel()]).astype("<f8").tobytes()
+    return body + bytes(4 + 4 + 17)  # no binning, no region of interest

@@ -1,0 +1,157 @@
+"""Recordings as streams: events in chunks and frames one by one, however long the file.
+
+A reader gives a `Source`, the file's values as they are.  A `Stream` adds camera and truth, and checks every
+chunk on its way: nothing behind it has to ask whether time runs forward or coordinates lie on the sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..pipeline.histograms import joined
+from ..types import Camera, InputError, Recording, Trajectory
+
+CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
+
+
+def no_events() -> Iterator[np.ndarray]:
+    return iter(())
+
+
+def no_frames() -> Iterator[tuple[int, np.ndarray]]:
+    return iter(())
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a reader found: ``events()`` yields chunks (M,) EVENT in the file's order, ``frames()`` yields
+    ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
+    None where the file does not say.  Both iterators raise `InputError` for what cannot be read."""
+
+    path: Path
+    size_px: tuple[int, int] | None = None
+    events: Callable[[], Iterator[np.ndarray]] = no_events
+    frames: Callable[[], Iterator[tuple[int, np.ndarray]]] = no_frames
+    span_us: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One camera's recording, read as it is used; what `Recording` holds, this yields."""
+
+    name: str
+    camera: Camera
+    source: Source
+    truth: Trajectory | None = None
+    checked: bool = True  # False: values as they are, for who looks for faults
+
+    def chunks(self) -> Iterator[np.ndarray]:
+        """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
+        some = self.source.events()
+        return self._named(checked_events(some, self.camera.size_px)) if self.checked else some
+
+    def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
+        """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
+        some = self.source.frames()
+        return self._named(checked_frames(some, self.camera.size_px)) if self.checked else some
+
+    def _named(self, values: Iterator) -> Iterator:
+        try:
+            yield from values
+        except ValueError as error:
+            raise InputError(f"{self.source.path}: {error}") from None
+
+    def collect(self) -> Recording:
+        """The whole of it in memory."""
+        events = joined(self.chunks())
+        timed = list(self.timed_frames())
+        width, height = self.camera.size_px
+        frames = np.array([frame for _, frame in timed], np.uint8).reshape(-1, height, width, 3)
+        frames_t_us = np.array([t_us for t_us, _ in timed], np.int64)
+        if not len(events) and not len(frames):
+            raise InputError(f"{self.source.path}: holds neither events nor frames; record again")
+        for array in (events, frames, frames_t_us):
+            array.setflags(write=False)
+        return Recording(self.name, self.camera, events, frames, frames_t_us, self.truth)
+
+
+@contextmanager
+def naming(path: Path, problem: str, remedy: str, reason=None):
+    """Any error inside becomes one `InputError` line; readers raise a dozen types on damaged bytes."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        said = reason(error) if reason else (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: {problem} ({said}); {remedy}") from None
+
+
+def rechunked(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:
+    """The same events in chunks of at least ``count``, but for the last: files come in packets of a few."""
+    waiting, size = [], 0
+    for batch in batches:
+        waiting.append(batch)
+        size += len(batch)
+        if size >= count:
+            yield joined(waiting) if waiting[1:] else batch
+            waiting, size = [], 0
+    if size:
+        yield joined(waiting)
+
+
+def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:
+    """An array in runs of at most ``count``."""
+    return (array[i : i + count] for i in range(0, len(array), count))
+
+
+def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
+    """Pass chunks on; ValueError, with a remedy, where time runs backward or a pixel is not the sensor's."""
+    before, last_us = 0, -(2**63)
+    for e in chunks:
+        if not len(e):
+            continue
+        t_us = e["t_us"]
+        back = [-1] if t_us[0] < last_us else np.flatnonzero(t_us[1:] < t_us[:-1])
+        if len(back):
+            k = back[0]
+            by_us = (t_us[k] if k >= 0 else last_us) - t_us[k + 1]
+            raise ValueError(
+                f"time of the events runs backward by {by_us} us after number {before + k}; "
+                "sort by time, or cut the recording there ('lmmap info' counts such faults)"
+            )
+        if len(outside := np.flatnonzero(~inside(e, size_px))):
+            k = outside[0]
+            raise ValueError(
+                f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
+                f"{e['y'][k]}); check the sensor's size and the order of x and y"
+            )
+        before, last_us = before + len(e), t_us[-1]
+        yield e
+
+
+def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Pass ``(t_us, frame)`` on; ValueError, with the remedy, where time runs backward or a size differs."""
+    last_us, shape = None, (size_px[1], size_px[0], 3)
+    for k, (t_us, frame) in enumerate(frames):
+        if frame.shape != shape:
+            raise ValueError(f"frame number {k} of shape {frame.shape}, expected {shape}; write it again")
+        if last_us is not None and t_us < last_us:
+            raise ValueError(
+                f"time of the frames runs backward by {last_us - t_us} us after number {k - 1}; "
+                "sort by time, or cut the recording there ('lmmap info' counts such faults)"
+            )
+        last_us = t_us
+        yield t_us, frame
+
+
+def inside(events: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+    """Which events (M,) EVENT lie on the sensor, (M,) bool."""
+    # as unsigned numbers, negative coordinates are large ones
+    x, y = (events[name].astype(np.uint16) for name in ("x", "y"))
+    return (x < size_px[0]) & (y < size_px[1])

@@ -1,0 +1,143 @@
+"""Joint refinement of a pose against both masks: the ring's contour and the markers' edges.
+
+The ring alone fixes five degrees of freedom, and tilt badly head-on.  The markers stand above its plane,
+so a turn shifts them against the ring: their edges add what the ring lacks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..geometry.conics import coefficients, sampson_distance
+from ..geometry.projection import circle_conic, project
+from ..types import Camera, Port, Pose, frozen_array
+
+# Standard deviation of an edge point as if points were independent: neighbours err alike, so it is larger
+# than their scatter; and the factor that makes the covariance honest where the markers' score is 1, for masks
+# err in more than that.  By `python tuning/calibrate_uncertainty.py`, outside training and test.
+MARKER_SIGMA_PX = {"rgb": 1.4, "event": 1.7}
+INFLATION = {"rgb": 0.72, "event": 0.63}
+
+SETTLED = 0.1  # standard deviations: a step that is smaller is the last
+STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Refined pose with its covariance (6, 6) (conventions of `uncertainty`), and how many marker edge
+    points took part."""
+
+    T_cam_port: Pose
+    covariance: np.ndarray
+    edges: int
+
+
+def refine(
+    T_cam_port: Pose,
+    ring_points_px,
+    reflector_mask,
+    port: Port,
+    camera: Camera,
+    ring_sigma_px: float,
+    marker_sigma_px: float,
+    rounds: int = 4,
+) -> JointFit | None:
+    """Gauss-Newton on the ring's contour points (M, 2), undistorted, and the markers' edge points, each in
+    units of its own standard deviation; None where too few edges are seen to add anything.
+
+    Edges are measured across the projected sides of the markers, with Tukey's weights.  How far the mask
+    is wider or narrower than the markers on all sides alike is a seventh unknown.
+    """
+    mask = np.ascontiguousarray(reflector_mask, np.float32)
+    sides_m = _side_points_m(port)
+    T = T_cam_port
+    for _ in range(rounds):
+        moved = _moved(T, np.vstack([np.zeros(6), STEPS]))
+        theta = coefficients(circle_conic(moved, port.ring_radius_m, camera))
+        distance = sampson_distance(theta, ring_points_px)  # (7, M)
+        J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
+        r_ring = distance[0] / ring_sigma_px
+
+        edges = _measure_edges(mask, T, sides_m, camera)
+        if edges is None:
+            return None
+        points_m, normal, gap_px = edges
+        seen = project(np.einsum("nij,kj->nki", moved.rotation, points_m) + moved.position_m[:, None], camera)
+        shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
+        J_edge = np.column_stack([shift, np.ones(len(gap_px))]) / marker_sigma_px
+        centred = gap_px - np.median(gap_px)
+        cut = 4.7 * max(1.48 * np.median(np.abs(centred)), 0.3)
+        weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
+
+        J = np.vstack([np.column_stack([J_ring, np.zeros(len(J_ring))]), J_edge])
+        r = np.concatenate([r_ring, -gap_px / marker_sigma_px])
+        w = np.concatenate([np.ones(len(r_ring)), weight])
+        normal_matrix = (J.T * w) @ J
+        scale = np.sqrt(np.maximum(normal_matrix.diagonal(), 1e-12))
+        step = np.linalg.solve(
+            normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
+        )
+        step = step / scale
+        T = _moved(T, -step[None, :6])[0]
+        if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < SETTLED**2:
+            break
+    inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
+        scale, scale
+    )
+    sane = np.all(np.isfinite(T.position_m)) and T.normal @ T_cam_port.normal > 0.9
+    return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
+
+
+def honest(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
+    """The covariance (..., 6, 6) of errors on masks: ``inflation`` where the markers' score (...) is 1, and
+    larger where they are faint, a standard deviation being as 1 / score."""
+    return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
+
+
+def _moved(T: Pose, steps) -> Pose:
+    """Poses (N,) at small steps (N, 6) from one: position, then rotation on the left."""
+    turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
+    return Pose(turn @ T.rotation, T.position_m + steps[:, :3])
+
+
+@lru_cache
+def _side_points_m(port: Port, count: int = 10):
+    """Points on the markers' sides without their corners, and beside each a point outward, (P, 3)."""
+    corners = port.marker_corners_m()
+    following = np.roll(corners, -1, 1)
+    s = (np.arange(count) + 1.5) / (count + 2)
+    points = corners[:, :, None] + s[:, None] * (following - corners)[:, :, None]
+    outward = (corners + following) / 2 - corners.mean(1, keepdims=True)
+    beside = points + 0.05 * outward[:, :, None]
+    return frozen_array(points.reshape(-1, 3)), frozen_array(beside.reshape(-1, 3))
+
+
+def _measure_edges(mask, T: Pose, sides_m, camera: Camera, half_px: float = 3.0, least: int = 20):
+    """Where the mask's edges are seen: points (K, 3) m, outward image normals (K, 2), gaps (K,) px from
+    the projected sides outward to the mask's edges; None if there are too few.
+
+    The gap is the integral of the profile across the side, less its inner half.
+    """
+    points_m, beside_m = sides_m
+    at, beside = project(T @ points_m, camera), project(T @ beside_m, camera)
+    along = np.roll(at, -1, 0) - at  # the next point on the side; wrong only for the last of a side
+    along[9::10] = along[8::10]
+    normal = np.stack([along[:, 1], -along[:, 0]], -1)
+    normal *= np.sign(np.sum(normal * (beside - at), -1, keepdims=True))
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    offsets = np.arange(-half_px, half_px + 0.25, 0.5)
+    grid = at[:, None] + offsets[:, None] * normal[:, None]
+    profile = cv2.remap(mask, np.nan_to_num(grid, nan=-10).astype(np.float32), None, cv2.INTER_LINEAR)
+    inner, outer = profile[:, :3].mean(1), profile[:, -3:].mean(1)
+    contrast = inner - outer
+    good = (contrast > 0.5) & np.isfinite(grid).all((1, 2))
+    if good.sum() < least:
+        return None
+    level = (profile[good] - outer[good, None]) / contrast[good, None]
+    gap_px = (level.sum(1) - 0.5 * (level[:, 0] + level[:, -1])) * 0.5 - half_px
+    return points_m[good], normal[good], gap_px

@@ -1,0 +1,184 @@
+"""How well a circle's pose is known: covariances through a chart of cones.
+
+A covariance (6, 6) is of (dx, dy, dz, rx, ry, rz) in metres and radians, all along the camera's axes:
+the true pose is p = p_hat + (dx, dy, dz) and R = exp([r]x) R_hat (a left perturbation of T_cam_port's
+rotation; position and rotation apart, not a twist).
+
+The pose is a bad coordinate head-on: there the two solutions merge and their Jacobian loses rank.  The
+cone of lines of sight is a good one everywhere.  With eigenvalues l1 >= l2 > 0 > l3, eigenvectors e1,
+e2, e3 and m = (l1 + l2) / 2, its chart is (y1, y2, s, w1, w2): the axis e3 turned toward e1 and e2,
+s = log(m / -l3) / 2, and w = (l1 - l2) / (m - l3) as a vector at twice its azimuth about e3, so that
+sin^2(tilt from e3) = |w| / (1 + |w| / 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
+
+from ..geometry.conics import cone
+from ..geometry.projection import bearings, circle_conic
+from ..types import Camera, Pose
+
+# Variance of a contour point as if points were independent, in units of their scatter about the ellipse where
+# the mask along it is 1: neighbours err alike.  By `python tuning/calibrate_uncertainty.py`, on sequences
+# that are not the test, with filters on the bench that trained them: other ones ask for a new measurement.
+INFLATION = {"rgb": 6.8, "event": 10.2}
+
+NODES, WEIGHTS = hermegauss(9)
+RESOLVED = 6.0  # above so many sigmas of |w| the region of the normal is an ellipse
+MERGED = 3.0  # below, head-on is not excluded (99 %), and the two solutions are one region
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Covariance (6, 6) of a pose (conventions above), that of its cone's chart (5, 5), and the
+    distance of w from 0, where the circle would be seen head-on, in standard deviations.
+
+    The covariance holds the second moments of the pose's region about the estimate.  Below `RESOLVED`
+    that region is not an ellipse but the chi-square disc of w, and below `MERGED` it is the disc on both
+    branches: so near head-on the variances are large, and ``chart`` says more than they do.
+    """
+
+    covariance: np.ndarray
+    chart: np.ndarray
+    tilt_sigmas: float
+
+
+def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) -> np.ndarray:
+    """Fisher information (5, 5) about the chart of a circle's cone in contour points (M, 2), undistorted,
+    for independent noise of 1 px across the contour; its inverse is the Cramer-Rao bound.
+
+    A change dQ of the cone moves the contour by x' dQ x / |grad x' Q x|.
+    """
+    (l1, l2, l3), E, m, w = _chart(T_cam_port, radius_m, camera)
+    square = Camera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    a, b, c = np.moveaxis(bearings(points_px, square) @ E, -1, 0)
+    gap = m - l3
+    change = np.stack(  # x' dQ x for a unit step along each of y1, y2, s, w1, w2
+        [
+            2 * (l3 - l1) * a * c,
+            2 * (l3 - l2) * b * c,
+            2 * m * (a * a * (1 + w / 2) + b * b * (1 - w / 2)),
+            gap / 2 * (a * a - b * b),
+            gap * a * b,
+        ],
+        -1,
+    )
+    gradient = 2 * np.stack([l1 * a, l2 * b, l3 * c], -1) @ E.T[:, :2]
+    slope = np.linalg.norm(gradient / [camera.fx_px, camera.fy_px], axis=-1)
+    J = change / slope[..., None]
+    return J.T @ J
+
+
+def pose_uncertainty(
+    T_cam_port: Pose,
+    points_px,
+    sigma_px: float,
+    radius_m: float,
+    camera: Camera,
+    yaw_sigma_rad: float = 0.0,
+    merged: float = MERGED,
+) -> Uncertainty:
+    """Uncertainty of an exact circle pose whose ellipse was fitted to contour points (M, 2) px.
+
+    Parameters
+    ----------
+    sigma_px : standard deviation of a contour point, as if all were independent
+    yaw_sigma_rad : of the rotation about the normal
+    merged : below so many sigmas of tilt the other branch belongs to the region; 0 if the branch is known
+
+    Raises
+    ------
+    ValueError
+        If fewer than five points, or points in fewer than five places, determine no ellipse.
+    """
+    J = information(T_cam_port, points_px, radius_m, camera)
+    if len(points_px) < 5 or not np.linalg.cond(J) < 1e14:
+        raise ValueError(f"points_px: expected points that determine an ellipse, got {len(points_px)}")
+    chart = np.linalg.inv(J) * sigma_px**2
+    _, E, m, w = _chart(T_cam_port, radius_m, camera)
+    size, branch = 0.5 * np.log(m), np.sign(-T_cam_port.normal @ E[:, 0]) or 1.0
+
+    # quadrature over w; y and s follow by their conditional mean, and add their conditional spread
+    root = np.linalg.cholesky(chart[3:, 3:])
+    z = np.stack(np.meshgrid(NODES, NODES), -1).reshape(-1, 2)
+    weights = np.multiply.outer(WEIGHTS, WEIGHTS).ravel() / WEIGHTS.sum() ** 2
+    gain = chart[:3, 3:] @ np.linalg.inv(chart[3:, 3:])
+    dw = z @ root.T
+    tilt_sigmas = float(np.linalg.norm(np.linalg.solve(root, [w, 0])))
+    branches = (branch, -branch) if tilt_sigmas < merged else (branch,)
+    around = np.concatenate([_moved(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches])
+    weights = np.tile(weights, len(branches)) / len(branches)
+    rest = chart[:3, :3] - gain @ chart[3:, :3]
+    step = 1e-6
+    here = _moved(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
+    J_rest = (_moved(step * np.eye(3), np.array([[w, 0]] * 3), size, branch, radius_m) - here) / step
+    moments = np.einsum("n,ni,nj->ij", weights, around - here, around - here) + J_rest.T @ rest @ J_rest
+
+    # to the camera's axes: position, and the rotation n x dn that turns the normal by dn
+    n = T_cam_port.normal
+    cross = np.cross(np.eye(3), n)  # [n]x
+    to_camera = np.zeros((6, 6))
+    to_camera[:3, :3], to_camera[3:, 3:] = E, -cross @ E  # the chart's normal points away
+    covariance = to_camera @ moments @ to_camera.T
+    covariance[3:, 3:] += yaw_sigma_rad**2 * np.outer(n, n)
+    return Uncertainty((covariance + covariance.T) / 2, chart, tilt_sigmas)
+
+
+def chart_error(T_cam_port: Pose, truth: Pose, radius_m: float, camera: Camera) -> np.ndarray:
+    """The true circle's chart minus the estimate's, (5,), in the axes of the estimate's cone."""
+    _, E, m, w = _chart(T_cam_port, radius_m, camera)
+    l_true, E_true = cone(circle_conic(truth, radius_m, camera), camera.K)
+    relative = E.T @ E_true
+    axis = relative[:, 2]
+    y = axis[:2] * np.arccos(np.clip(axis[2], -1, 1)) / max(np.hypot(*axis[:2]), 1e-300)
+    first = relative[:2, 0] - axis[:2] * relative[2, 0] / (1 + axis[2])  # e1, turned back with the axis
+    azimuth = np.arctan2(first[1], first[0])
+    m_true = (l_true[0] + l_true[1]) / 2
+    length = (l_true[0] - l_true[1]) / (m_true - l_true[2])
+    w_true = length * np.array([np.cos(2 * azimuth), np.sin(2 * azimuth)])
+    return np.concatenate([y, [0.5 * np.log(m_true / -l_true[2] / m)], w_true - [w, 0]])
+
+
+def chart_nees(T_cam_port: Pose, truth: Pose, chart, radius_m: float, camera: Camera) -> float:
+    """Normalised squared error of the cone: chi-square with 5 degrees of freedom if ``chart`` is right."""
+    d = chart_error(T_cam_port, truth, radius_m, camera)
+    return float(d @ np.linalg.solve(chart, d))
+
+
+def _chart(T_cam_port: Pose, radius_m: float, camera: Camera):
+    """Eigenvalues scaled to l3 = -1, axes, m and |w| of a circle's cone."""
+    if not radius_m > 0:
+        raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
+    eigenvalues, E = cone(circle_conic(T_cam_port, radius_m, camera), camera.K)
+    eigenvalues = eigenvalues / -eigenvalues[2]
+    near = radius_m * np.sqrt(max(1 - T_cam_port.normal[2] ** 2, 0))  # half the circle's extent in depth
+    if not (T_cam_port.position_m[2] > near and eigenvalues[1] > 0):
+        raise ValueError(f"T_cam_port: expected a circle before the camera, got {T_cam_port.position_m} m")
+    m = (eigenvalues[0] + eigenvalues[1]) / 2
+    return eigenvalues, E, m, (eigenvalues[0] - eigenvalues[1]) / (m + 1)
+
+
+def _moved(dys, w, size: float, branch: float, radius_m: float) -> np.ndarray:
+    """Position and outward normal (N, 6), in the estimate's axes, of cones at (y1, y2, s) steps dys
+    (N, 3) and vectors w (N, 2), on the branch nearest to the estimate's."""
+    m, length = np.exp(2 * (size + dys[:, 2])), np.hypot(*w.T)
+    l1, azimuth = m + (m + 1) * length / 2, np.arctan2(w[:, 1], w[:, 0]) / 2
+    sine = np.sqrt(length / (1 + length / 2))
+    cosine = np.sqrt(np.maximum(1 - sine**2, 0))
+    along = np.stack([branch * np.cos(azimuth), branch * np.sin(azimuth)], -1)
+    n = np.column_stack([sine[:, None] * along, cosine])
+    p = radius_m * np.column_stack([-(sine / np.sqrt(l1))[:, None] * along, np.sqrt(l1) * cosine])
+    turn = np.column_stack([-dys[:, 1], dys[:, 0], np.zeros(len(w))])
+    return np.column_stack([_rotated(turn, p), _rotated(turn, n)])
+
+
+def _rotated(turn, v):
+    """Rodrigues' formula, (N, 3) x (N, 3)."""
+    angle = np.linalg.norm(turn, axis=1, keepdims=True)
+    axis = turn / np.maximum(angle, 1e-300)
+    dot = np.sum(axis * v, 1, keepdims=True)
+    return v * np.cos(angle) + np.cross(axis, v) * np.sin(angle) + axis * dot * (1 - np.cos(angle))

@@ -1,0 +1,144 @@
+"""The authors' published recordings: what they are, what a bag's name says, what a folder of them holds.
+
+From the data set's public description.  Which lamps its words dark, normal, light and mixed stand for is
+not in it: `WORDS` is our reading.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.rosbag1 import Reader
+
+from ..recordings.rosbag import IMAGES, named
+from ..types import InputError
+from . import rig, tf
+
+HANDLE = "https://hdl.handle.net/2123/33938"
+EVENTS, FRAMES, TF, STATES = "/dvs/events", "/dvs/image_raw", "/tf", "/joint_states"
+HAND_EYE = "camera-to-robot-calibration_dvs.yaml"
+STUDIES = (  # study, what it needs, how large
+    ("table, test", "dataset_0307_notexture (testing), test_datasets_additional", "over 6 GB a bag"),
+    ("table, low domain gap (training)", "dataset_0307, dataset_0307_notexture (training)", "not stated"),
+    ("table, high domain gap (training)", "dataset_0307 (its two texture covers)", "not stated"),
+    ("hard cases", "hard_cases_benchmark, hard_cases_additional", "not stated"),
+    ("false detections", "dataset_0307 (its bag without a port)", "not stated"),
+    ("odometry", "a test bag in high light", "over 6 GB a bag"),
+    ("ground truth", HAND_EYE, "some hundred bytes"),
+    ("intrinsics", "the raw calibration bags", "not stated"),
+)
+WORDS = {"dark": "low", "normal": "medium", "light": "high", "mixed": "mixed"}
+LAMPS = re.compile(r"T(\d+)_RA_(\d+)_ES_([01])(?:_(\w+))?", re.I)
+ROLE = re.compile(r"(?:.*_)?(dark|light|mixed|normal)__(train|test|hard)", re.I)
+EMPTY, CALIBRATION = re.compile(r"no[_-]?port|empty", re.I), re.compile(r"calib|checker|chess", re.I)
+EXPECTED = (
+    "T1_RA_50_ES_1_NAME.bag, dark|light|mixed|normal__train|test|hard.bag, or a name with noport or calib"
+)
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag by its name and folder: ``role`` is train, test, hard, empty or calibration; ``light`` is low,
+    medium, high or mixed; ``textured`` says that the satellite wears one of the training covers."""
+
+    path: Path
+    role: str
+    light: str | None = None
+    trajectory: int | None = None
+    sunlight_percent: int | None = None
+    textured: bool = False
+
+
+def describe(path) -> Bag:
+    """What a bag's name and folder say; raises `InputError` if that is nothing.
+
+    The numbers of the lamps count before the words: any sunlight is high light, earthshine alone medium.
+    """
+    path = Path(path)
+    stem, folder = path.stem, path.parent.name
+    lamps, named_role = LAMPS.search(stem), ROLE.fullmatch(stem)
+    light = WORDS[named_role[1].lower()] if named_role else None
+    trajectory = percent = None
+    if lamps:
+        trajectory, percent = int(lamps[1]), int(lamps[2])
+        light = "high" if percent else ("medium" if lamps[3] == "1" else "low")
+    if EMPTY.search(stem):
+        role = "empty"
+    elif CALIBRATION.search(stem):
+        role = "calibration"
+    elif named_role:
+        role = named_role[2].lower()
+    elif lamps:
+        words = f"{folder}/{stem}".lower()
+        role = next((r for r in ("hard", "test") if r in words), "train")
+    else:
+        raise InputError(
+            f"{path}: its name says neither light nor purpose; name it as published ({EXPECTED})"
+        )
+    textured = role == "train" and "notexture" not in f"{folder}/{stem}".lower()
+    return Bag(path, role, light, trajectory, percent, textured)
+
+
+def bags(folder) -> list[Path]:
+    """All bags below a folder, by name; raises `InputError` if there is none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; give the one with the published bags")
+    found = sorted(folder.rglob("*.bag"))
+    if not found:
+        packed = len([*folder.rglob("*.tar"), *folder.rglob("*.tar.gz")])
+        what = (
+            f"{packed} archives but no bag; unpack them (tar xf)" if packed else "no bag; see lmmap dataset"
+        )
+        raise InputError(f"{folder}: holds {what}")
+    return found
+
+
+def hand_eye_file(folder, deep: bool = True) -> Path | None:
+    """The hand-eye calibration of the DAVIS in a folder, or anywhere below it."""
+    for pattern in (HAND_EYE, "*camera-to-robot*.y*ml", "*hand*eye*.y*ml"):
+        if found := sorted(Path(folder).rglob(pattern) if deep else Path(folder).glob(pattern)):
+            return found[0]
+    return None
+
+
+def check(folder) -> Iterator[dict]:
+    """For each bag, in order: what it is, whether it is whole, and ``problem``, empty if it is usable."""
+    hand_eye = hand_eye_file(folder)
+    for path in bags(folder):
+        row = {"bag": str(path.relative_to(folder)), "gigabytes": path.stat().st_size / 1e9, "role": "",
+               "light": "", "seconds": None, "whole": False, "problem": ""}  # fmt: skip
+        try:
+            facts = contents(path)
+            row |= {"seconds": facts["seconds"], "whole": True}
+            bag = describe(path)
+            row |= {"role": bag.role, "light": bag.light or ""}
+            _usable(bag, facts, hand_eye)
+        except InputError as error:
+            row["problem"] = str(error).removeprefix(f"{path}: ")
+        yield row
+
+
+def contents(path) -> dict:
+    """Seconds, and messages by topic, from a bag's index; raises `InputError` where it is not whole."""
+    with named(Path(path)), Reader(Path(path)) as bag:
+        topics = {name: (t.msgtype, t.msgcount) for name, t in bag.topics.items()}
+        return {"seconds": bag.duration * 1e-9, "topics": topics}
+
+
+def _usable(bag: Bag, facts: dict, hand_eye: Path | None) -> None:
+    """`InputError` if something is missing for the bag's purpose."""
+    kinds = {kind for kind, count in facts["topics"].values() if count}
+    has = {EVENTS: any(k.endswith("/EventArray") for k in kinds), FRAMES: bool(kinds & set(IMAGES))}
+    if bag.role == "calibration":
+        has.pop(EVENTS)
+    if missing := [topic for topic, there in has.items() if not there]:
+        topics = ", ".join(sorted(facts["topics"])) or "none"
+        raise InputError(f"{bag.path}: no messages of {', '.join(missing)} among its topics ({topics}); "
+                         "download it again")  # fmt: skip
+    if bag.role not in ("empty", "calibration"):
+        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else tf.ends_of(bag.path)
+        tf.arm_motion(bag.path, *ends, tf.GLANCE_S)

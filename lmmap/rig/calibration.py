@@ -1,0 +1,108 @@
+"""A rig from detections: the port on the arm, the camera where that is not known, the ring's size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.projection import rotation_angle_rad
+from ..types import Estimate, InputError, Port, Pose, Trajectory
+from . import hand_eye
+from .rig import Rig
+from .ur5e import Along, along
+
+DIFFERS_M, DIFFERS_RAD = 0.02, np.deg2rad(3.0)  # a hand-eye file this far from our own estimate is doubted
+
+
+@dataclass(frozen=True)
+class Detected:
+    """What one bag gives: poses ``T_cam_port`` (N,), their covariances (N, 6, 6), and the arm then."""
+
+    T_cam_port: Pose
+    covariance: np.ndarray
+    arm: Along
+
+
+def detected(estimates: list[Estimate], motion: Trajectory) -> Detected:
+    """The estimates that have a pose while the arm ``T_root_tip`` reports."""
+    span = motion.t_us[[0, -1]]
+    some = [e for e in estimates if e.T_cam_port is not None and span[0] <= e.t_us <= span[1]]
+    usual = np.diag(np.repeat([hand_eye.SIGMA_M**2, hand_eye.SIGMA_RAD**2], 3))
+    covariance = [usual if e.covariance is None else e.covariance for e in some]
+    rotation = np.array([e.T_cam_port.rotation for e in some]).reshape(-1, 3, 3)
+    position_m = np.array([e.T_cam_port.position_m for e in some]).reshape(-1, 3)
+    arm = along(motion, [e.t_us for e in some])
+    return Detected(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
+
+
+def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
+              T_cam_root: Pose | None = None) -> Rig:  # fmt: skip
+    """The rig that one or several bags of the same laboratory agree on.
+
+    Parameters
+    ----------
+    bags : what was detected, with ``port``
+    ends : the arm's (root, tip)
+    T_cam_root : from a hand-eye file, if there is one; it is then compared with an estimate of our own
+
+    Returns
+    -------
+    Rig
+        ``calibrated`` holds the number of detections, medians on held-out stretches of time (mm, deg),
+        standard deviations, and how far the file's camera is from ours.
+
+    Raises
+    ------
+    InputError
+        If the detections are too few, or the arm moves too little.
+    """
+    poses = Pose(np.concatenate([b.T_cam_port.rotation for b in bags]),
+                 np.concatenate([b.T_cam_port.position_m for b in bags]))  # fmt: skip
+    arms = [b.arm.T_root_tip for b in bags]
+    T_root_tip = Pose(
+        np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms])
+    )
+    arm = Along(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
+    data = (poses, arm, port.yaw_period_rad, np.concatenate([b.covariance for b in bags]))
+    try:
+        result = hand_eye.solve(*data, T_cam_root=T_cam_root)
+    except ValueError as error:
+        raise InputError(f"calibrate: {error}; give longer bags, or more of them") from None
+    facts = _facts(result, len(poses))
+    if T_cam_root:
+        facts |= _differs(data, T_cam_root)
+    radius_m = port.ring_radius_m * result.scale
+    facts["camera"] = "from the hand-eye file" if T_cam_root else "estimated"
+    return Rig(*ends, result.T_cam_root, result.T_tip_port, radius_m, result.delay_s, facts)
+
+
+def _facts(result: hand_eye.HandEye, count: int) -> dict:
+    camera_m, camera_rad, port_m, port_rad = (np.linalg.norm(s) for s in result.sigma[:12].reshape(4, 3))
+    return {
+        "detections": count,
+        "kept_percent": 100 * float(result.kept.mean()),
+        "held_out_position_median_mm": 1e3 * float(np.median(result.errors_m)),
+        "held_out_rotation_median_deg": float(np.rad2deg(np.median(result.errors_rad))),
+        "port_sigma_mm": 1e3 * float(port_m),
+        "port_sigma_deg": float(np.rad2deg(port_rad)),
+        "camera_sigma_mm": 1e3 * float(camera_m),
+        "camera_sigma_deg": float(np.rad2deg(camera_rad)),
+        "radius_sigma_percent": 100 * float(result.sigma[12]),
+        "delay_sigma_ms": 1e3 * float(result.sigma[13]),
+    }
+
+
+def _differs(data, known: Pose) -> dict:
+    """How far a file's camera is from the one that the detections alone give."""
+    try:
+        free = hand_eye.solve(*data)
+    except ValueError:  # enough for the port, not for both
+        return {}
+    angle = rotation_angle_rad(free.T_cam_root.rotation @ known.rotation.T)
+    distance_m = np.linalg.norm(free.T_cam_root.inverse.position_m - known.inverse.position_m)
+    return {
+        "file_differs_mm": 1e3 * float(distance_m),
+        "file_differs_deg": float(np.rad2deg(angle)),
+        "file_in_doubt": bool(distance_m > DIFFERS_M or angle > DIFFERS_RAD),
+    }

@@ -1,0 +1,181 @@
+"""The laboratory's rig: how camera, arm and port hang together, as files, and the truth that follows.
+
+A rig is an arm's two ends by name, and what is fixed to them: the camera to ``root``, the port to ``tip``.
+With the camera beside the arm, root is the arm's base; with the camera on the arm, it is the effector.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from ..types import InputError, Port, Pose, Trajectory
+from . import ur5e
+from .tf import arm_motion
+
+NAME = "rig.json"  # of a folder of bags
+QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """``T_cam_port(t) = T_cam_root T_root_tip(t + delay) T_tip_port``, and the ring's radius.
+
+    ``calibrated`` says from what, and how well.
+    """
+
+    root: str
+    tip: str
+    T_cam_root: Pose
+    T_tip_port: Pose
+    ring_radius_m: float
+    delay_s: float = 0.0
+    calibrated: dict | None = None
+
+    @property
+    def port(self) -> Port:
+        """The LM-MAP at the size of this ring."""
+        return scaled(Port.lm_map(), self.ring_radius_m)
+
+    def truth(self, path) -> Trajectory:
+        """``T_cam_port`` of a bag by the arm, at the camera's times; raises `InputError`."""
+        motion = arm_motion(path, self.root, self.tip)
+        T = self.T_cam_root @ motion.T_cam_port @ self.T_tip_port
+        return Trajectory(motion.t_us - round(self.delay_s * 1e6), T)
+
+    def save(self, path) -> None:
+        """Write JSON; raises `OSError`."""
+        values = {"root": self.root, "tip": self.tip, "T_cam_root": _matrix(self.T_cam_root),
+                  "T_tip_port": _matrix(self.T_tip_port), "ring_radius_m": self.ring_radius_m,
+                  "delay_s": self.delay_s, "calibrated": self.calibrated or {}}  # fmt: skip
+        Path(path).write_text(json.dumps(values, indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path) -> Rig:
+        """Read what `save` wrote; raises `InputError`."""
+        try:
+            v = json.loads(Path(path).read_text())
+            radius_m, delay_s = float(v["ring_radius_m"]), float(v["delay_s"])
+            if not (np.isfinite([radius_m, delay_s]).all() and radius_m > 0):
+                raise ValueError(f"ring_radius_m {radius_m:g}, delay_s {delay_s:g}")
+            T = [_pose(v[name]) for name in ("T_cam_root", "T_tip_port")]
+            return cls(str(v["root"]), str(v["tip"]), *T, radius_m, delay_s, v.get("calibrated"))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path}: not a rig ({type(error).__name__}: {error}); "
+                             "write it with lmmap calibrate") from None  # fmt: skip
+
+
+def scaled(port: Port, ring_radius_m: float) -> Port:
+    """The same port at another size."""
+    s = ring_radius_m / port.ring_radius_m
+    values = {n: v for n, v in vars(port).items() if n != "symmetry"}
+    return replace(port, **{n: tuple(s * x for x in v) if isinstance(v, tuple) else s * v
+                            for n, v in values.items()})  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CameraOnRobot:
+    """What a hand-eye file says: ``T_frame_cam``, the camera in an arm's frame.
+
+    ``on_arm`` tells whether that frame moves; ``base`` and ``effector`` name the arm's ends."""
+
+    T_frame_cam: Pose
+    on_arm: bool
+    base: str
+    effector: str
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """(root, tip): the camera's end of the arm and the port's."""
+        return (self.effector, self.base) if self.on_arm else (self.base, self.effector)
+
+
+def read_hand_eye(path) -> CameraOnRobot:
+    """Read easy_handeye's YAML, or one that holds a 4 x 4 matrix ``T_base_cam``.
+
+    Raises
+    ------
+    InputError
+        If it is neither; the line shows what was found.
+    """
+    path = Path(path)
+    try:
+        document = _document(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot read this file ({error}); give the hand-eye calibration") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        said = " ".join(str(error).split())
+        raise InputError(f"{path}: not YAML ({said:.100}); give the hand-eye calibration") from None
+    try:
+        return _easy_handeye(document) or _bare(document)
+    except (ValueError, TypeError, KeyError, IndexError) as error:
+        expected = "expected easy_handeye's transformation (x, y, z, qx, qy, qz, qw) or a 4 x 4 matrix"
+        raise InputError(f"{path}: no hand-eye calibration ({error}); it holds {_shown(document)}; "
+                         f"{expected}") from None  # fmt: skip
+
+
+def _document(content: str):
+    """YAML without what OpenCV writes and no parser knows; aliases are refused, as they may never end."""
+    lines = [line for line in content.splitlines() if not line.startswith("%YAML")]
+    plain = "\n".join(lines).replace("!!opencv-matrix", "")
+    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(plain, yaml.SafeLoader)):
+        raise ValueError("it refers to its own parts")
+    return yaml.safe_load(plain)
+
+
+def _easy_handeye(document) -> CameraOnRobot | None:
+    if not isinstance(document, dict) or not isinstance(document.get("transformation"), dict):
+        return None
+    t = document["transformation"]
+    about = next(part for part in (document.get("parameters"), document) if isinstance(part, dict))
+    if missing := [name for name in (*QUATERNION, *POSITION) if name not in t]:
+        raise ValueError(f"its transformation lacks {', '.join(missing)}")
+    q, p = (np.array([float(t[name]) for name in names]) for names in (QUATERNION, POSITION))
+    if not np.isfinite([*q, *p]).all():
+        raise ValueError("its transformation is not finite")
+    if abs(np.linalg.norm(q) - 1) > 1e-2:
+        raise ValueError("its quaternion is not of unit length")
+    names = (about.get("robot_base_frame") or ur5e.BASE, about.get("robot_effector_frame") or ur5e.EFFECTOR)
+    T = Pose(Rotation.from_quat(q).as_matrix(), p)
+    return CameraOnRobot(T, bool(about.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
+
+
+def _bare(document) -> CameraOnRobot:
+    """The first 4 x 4 matrix anywhere in the document."""
+    waiting = [document]
+    while waiting:
+        node = waiting.pop(0)
+        if isinstance(node, list):
+            flat = np.array(node, object).ravel()
+            if flat.size == 16 and all(isinstance(v, int | float) for v in flat):
+                T = _pose(np.array(flat, float).reshape(4, 4))
+                return CameraOnRobot(T, False, ur5e.BASE, ur5e.EFFECTOR)
+        elif isinstance(node, dict):
+            waiting.extend(node.values())
+    raise ValueError("neither layout")
+
+
+def _pose(matrix) -> Pose:
+    M = np.array(matrix, float)
+    if M.shape != (4, 4) or not np.isfinite(M).all():
+        raise ValueError("its matrix is not one of 4 x 4 finite numbers")
+    R = M[:3, :3]
+    rigid = np.linalg.det(R) > 0 and np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-3)
+    if not (rigid and np.array_equal(M[3], [0, 0, 0, 1])):
+        raise ValueError("its 4 x 4 matrix is no rigid transform")
+    return Pose(R, M[:3, 3])
+
+
+def _matrix(T: Pose) -> list:
+    return np.vstack([np.column_stack([T.rotation, T.position_m]), [0, 0, 0, 1]]).tolist()
+
+
+def _shown(document) -> str:
+    if isinstance(document, dict):
+        return f"keys {', '.join(map(str, document))}"
+    return f"{type(document).__name__} {str(document)[:60]!r}"

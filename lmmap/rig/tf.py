@@ -1,0 +1,208 @@
+"""An arm's motion from a bag: chains of /tf, with joints of /joint_states where /tf lacks a link.
+
+A chain is walked over links ``T_parent_child (t)``; each is interpolated at the times of the most frequent
+one.  Times are those of the messages' stamps, as the camera's are.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from array import array
+from collections import defaultdict, deque
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag1 import Reader
+from scipy.spatial.transform import Rotation
+
+from ..recordings.rosbag import STORE, header, named, text
+from ..types import InputError, Pose, Trajectory
+from . import ur5e
+
+TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+STATES = "sensor_msgs/msg/JointState"
+GLANCE_S = 5.0  # of a bag, where only its frames are asked for
+ENDS = ((ur5e.BASE, ur5e.EFFECTOR), ("base", "tool0_controller"))  # what a UR's driver may call its two ends
+
+
+def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> Trajectory:
+    """``T_root_tip`` of a bag's arm, or of its first ``seconds``.
+
+    Raises `InputError` that names the missing topic or link, or one on a loop.
+    """
+    path = Path(path)
+    links, joints = read(path, seconds)
+    chain = _chain(links, root, tip)
+    for parent, child, _ in chain or ():
+        if _chain(links.keys() - {(parent, child)}, root, tip):
+            raise InputError(f"{path}: /tf leads from {root} to {tip} with {parent} to {child} and without; "
+                             "give a bag whose links form a tree")  # fmt: skip
+    if chain is None:  # a link is missing: the nominal arm has it, and the joints its angle
+        filled = _nominal(joints) | links
+        chain = _chain(filled, root, tip)
+        if chain is None:
+            raise InputError(f"{path}: {_gap(links, joints, root, tip)}")
+        taken = [f"{p} to {c}" for p, c, _ in chain if (p, c) not in links and (p, c) not in ur5e.FIXED]
+        if taken:
+            warnings.warn(f"{path}: /tf lacks {', '.join(taken)}; taking /joint_states and the nominal UR5e",
+                          stacklevel=2)  # fmt: skip
+        links = filled
+    parts = [(links[p, c], backward) for p, c, backward in chain]
+    moving = [link for link, _ in parts if len(link) > 1]
+    if not moving:
+        raise InputError(
+            f"{path}: {root} to {tip} never moves in /tf; give a bag whose arm reports its motion"
+        )
+    low, high = max(m.t_us[0] for m in moving), min(m.t_us[-1] for m in moving)
+    t_us = max((m.t_us for m in moving), key=len)
+    t_us = t_us[(t_us >= low) & (t_us <= high)]
+    if len(t_us) < 2:
+        raise InputError(
+            f"{path}: the links of {root} to {tip} are never reported at the same time; record again"
+        )
+    T = Pose.identity()
+    for link, backward in parts:
+        at = link.at(t_us) if len(link) > 1 else link.T_cam_port[0]
+        T = T @ (at.inverse if backward else at)
+    return Trajectory(t_us, T)
+
+
+def ends_of(path) -> tuple[str, str]:
+    """(base, effector) as this bag's /tf names them: the first of `ENDS` that it knows."""
+    frames = {frame for pair in read(path, GLANCE_S)[0] for frame in pair}
+    return next((ends for ends in ENDS if frames & {ends[0]} or frames & {ends[1]}), ENDS[0])
+
+
+def read(
+    path, seconds: float = np.inf
+) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """All links of /tf and /tf_static by (parent, child), and joints by name: times and angles.
+
+    Raises `InputError` for a bag that cannot be read or has neither.
+    """
+    path = Path(path)
+    rows, angles = (defaultdict(partial(array, "d")) for _ in range(2))  # packed: a bag may hold millions
+    with named(path), Reader(path) as bag:
+        wanted = [c for c in bag.connections if c.msgtype in (*TF, STATES)]
+        if not wanted:
+            topics = ", ".join(sorted(bag.topics)) or "none"
+            raise InputError(f"{path}: no /tf and no /joint_states among its topics ({topics}); "
+                             "give a bag that has the arm's motion")  # fmt: skip
+        stop = bag.start_time + int(seconds * 1e9) if np.isfinite(seconds) else None
+        for connection, _, raw in bag.messages(wanted, stop=stop):
+            if connection.msgtype == STATES:
+                m = STORE.deserialize_ros1(raw, STATES)
+                t_us = _micro(m.header.stamp.sec, m.header.stamp.nanosec)
+                for name, angle in zip(m.name, m.position, strict=False):
+                    angles[name].extend((t_us, angle))
+            else:
+                for parent, child, t_us, values in _transforms(raw):
+                    rows[parent, child].extend((t_us, *values))
+        links = {pair: _link(" to ".join(pair), table) for pair, table in rows.items()}
+        return links, {name: _unique(name, np.array(table).reshape(-1, 2)) for name, table in angles.items()}
+
+
+def _transforms(raw: bytes) -> Iterator[tuple]:
+    """``(parent, child, t_us, (x, y, z, qx, qy, qz, qw))`` of a TFMessage's bytes."""
+    (count,), at = struct.unpack_from("<I", raw), 4
+    for _ in range(count):
+        seconds, nanoseconds = struct.unpack_from("<II", raw, at + 4)
+        names, at = [], at + 12
+        for _ in range(2):
+            (length,) = struct.unpack_from("<I", raw, at)
+            names.append(raw[at + 4 : at + 4 + length].decode().lstrip("/"))
+            at += 4 + length
+        yield *names, _micro(seconds, nanoseconds), struct.unpack_from("<7d", raw, at)
+        at += 56
+
+
+def _micro(seconds: int, nanoseconds: int) -> int:
+    return seconds * 10**6 + (nanoseconds + 500) // 1000
+
+
+def _unique(name: str, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in the order of time, each time once; ValueError for what is no number."""
+    if not np.isfinite(table).all():
+        raise ValueError(f"{name} is not finite at some time")
+    t_us, index = np.unique(table[:, 0].astype(np.int64), return_index=True)
+    return t_us, table[index, 1:]
+
+
+def _link(name: str, table: array) -> Trajectory:
+    t_us, values = _unique(name, np.array(table).reshape(-1, 8))
+    if np.any(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1) > 1e-2):
+        raise ValueError(f"{name} has a quaternion that is not of unit length")
+    return Trajectory(t_us, Pose(Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3]))
+
+
+def _nominal(joints) -> dict[tuple[str, str], Trajectory]:
+    """Links of the nominal arm: the fixed ones, and those whose joint is reported."""
+    links = {pair: Trajectory([0], T[None]) for pair, T in ur5e.FIXED.items()}
+    for index, name in enumerate(ur5e.JOINTS):
+        if name in joints:
+            t_us, angle = joints[name]
+            links[ur5e.LINKS[index], ur5e.LINKS[index + 1]] = Trajectory(
+                t_us, ur5e.joint_link(index, angle[:, 0])
+            )
+    return links
+
+
+def _chain(links, root: str, tip: str) -> list[tuple[str, str, bool]] | None:
+    """The shortest way from root to tip: ``(parent, child, whether it is walked backward)``."""
+    near = defaultdict(list)
+    for parent, child in links:
+        near[parent].append((child, (parent, child, False)))
+        near[child].append((parent, (parent, child, True)))
+    came, waiting = {root: None}, deque([root])
+    while waiting:
+        frame = waiting.popleft()
+        for other, step in near[frame]:
+            if other not in came:
+                came[other] = (frame, step)
+                waiting.append(other)
+    if tip not in came:
+        return None
+    chain, frame = [], tip
+    while came[frame]:
+        frame, step = came[frame]
+        chain.append(step)
+    return chain[::-1]
+
+
+def _gap(links, joints, root: str, tip: str) -> str:
+    """Why there is no chain, in words."""
+    everything = _nominal({name: (np.zeros(1, np.int64), np.zeros((1, 1))) for name in ur5e.JOINTS}) | links
+    whole = _chain(everything, root, tip)
+    if whole is None:
+        frames = sorted({frame for pair in links for frame in pair})
+        return (f"no frames {root} and {tip} in /tf; it has {', '.join(frames) or 'none'}; "
+                "name the arm's two ends with --base and --effector")  # fmt: skip
+    known = _nominal(joints) | links
+    missing = [f"{p} to {c}" for p, c, _ in whole if (p, c) not in known]
+    return (f"/tf has no link {', '.join(missing)}, and /joint_states has not its joint; "
+            "give a bag with the whole arm")  # fmt: skip
+
+
+def messages(t_us, joints_rad) -> list[tuple]:
+    """Topics /tf and /joint_states of a UR5e at times (N,) with joint angles (N, 6), for `bags.write`."""
+    links = [(ur5e.LINKS[k], ur5e.LINKS[k + 1], ur5e.joint_link(k, joints_rad[:, k])) for k in range(6)]
+    fixed = [(p, c, T[None].rotation, T[None].position_m) for (p, c), T in ur5e.FIXED.items()]
+    moving = [(p, c, T.rotation, T.position_m) for p, c, T in links]
+    frames = [(p, c, Rotation.from_matrix(R).as_quat(), x) for p, c, R, x in moving + fixed]
+
+    def tf():
+        for k, t in enumerate(t_us):
+            some = [header(int(t), p) + text(c) + np.r_[x[k % len(x)], q[k % len(q)]].astype("<f8").tobytes()
+                    for p, c, q, x in frames]  # fmt: skip
+            yield int(t), struct.pack("<I", len(some)) + b"".join(some)
+
+    def states():
+        names = struct.pack("<I", 6) + b"".join(text(name) for name in ur5e.JOINTS)
+        for t, angles in zip(t_us, joints_rad, strict=True):
+            body = names + struct.pack("<I6d", 6, *angles) + struct.pack("<II", 0, 0)
+            yield int(t), header(int(t)) + body
+
+    return [("/tf", TF[0], tf()), ("/joint_states", STATES, states())]

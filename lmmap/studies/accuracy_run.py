@@ -1,0 +1,196 @@
+"""The accuracy study itself: the bench's test, hard and empty sequences recorded, estimated and tabulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import joblib
+import pandas as pd
+
+from ..bench import sequences, simulate
+from ..pipeline.estimator import Estimator
+from ..pipeline.network import best_precision, shipped_gaps
+from ..pipeline.run import estimate, in_time
+from ..provenance import DATA, DERIVED, fingerprint, made_by, save_json, save_table
+from ..recordings.formats import open_recording, read_estimates
+from ..recordings.pose_files import write_estimates
+from ..tracking.fusion import fuse
+from ..training.dataset import BENCH
+from ..training.mask_quality import filter_quality
+from ..types import PAPER, Estimate, Port, Recording
+from . import accuracy_tables, pose_errors
+from .accuracy_tables import DRAWS, SEED, label
+from .archive import pack, unpack
+from .claims import claims
+from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
+
+OF_ESTIMATES = made_by("pipeline.run", "recordings.pose_files")
+OF_RESULTS = (
+    *made_by("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
+             "training.mask_quality", "studies.pose_errors"),
+    "data/weights/*", "environment.txt",
+)  # fmt: skip
+TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
+EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
+PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
+
+
+def sequences_of(profile: str) -> list[str]:
+    """The names of a profile's sequences."""
+    tests = [
+        f"test-{light}" + (f"-{k}" if k else "") for k in range(TRAJECTORIES[profile]) for light in LIGHTS
+    ]
+    return [*tests, "hard-slow", "hard-reflect", *(f"empty-{k}" for k in range(EMPTY[profile]))]
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)
+
+
+def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: bool = False) -> bool:
+    """Simulate and estimate every sequence of a profile, and tabulate errors, intervals and claims.
+
+    Each recording, each modality's estimates and each sequence's results are kept as soon as they are done,
+    under a fingerprint of what made them, so that an interrupted run goes on and a second run has nothing to
+    do.  The paper profile's tables are copied to `PUBLISHED`, and each sequence's results packed there.
+
+    Parameters
+    ----------
+    jobs
+        Sequences at once.  One of 210 s asks for up to 12 GB of memory.
+    pictures
+        Of a sequence, `gallery.keep`; default: none.
+    go_on
+        Begin with the results packed in `PUBLISHED` that are made of the same things.
+
+    Returns
+    -------
+    bool
+        Whether anything was to be done.
+    """
+    folder, whole = DERIVED / profile, fingerprint(profile)
+    folder.mkdir(parents=True, exist_ok=True)
+    waiting = {}
+    for name in sequences_of(profile):
+        mark = fingerprint(name, profile, best_precision(), patterns=OF_RESULTS)
+        if _holds(folder / f"{name}.done", mark):
+            report(f"{name}: up to date")
+        elif go_on and unpack(_packed(name), folder, mark):
+            (folder / f"{name}.done").write_text(mark)
+            report(f"{name}: results as packed")
+        else:
+            waiting[name] = mark
+    tasks = (joblib.delayed(_sequence)(n, profile, folder, m, report, pictures) for n, m in waiting.items())
+    for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+        pass
+    if not waiting and _holds(folder / "tables.done", whole):
+        return False
+    _tabulate(profile, folder)
+    (folder / "tables.done").write_text(whole)
+    return True
+
+
+def _packed(name: str) -> Path:
+    return PUBLISHED / "sequences" / f"{name}.zip"
+
+
+def _tests(profile: str, light: str) -> list[str]:
+    return [name for name in sequences_of(profile) if name.startswith(f"test-{light}")]
+
+
+def labels_of(profile: str) -> dict[str, tuple[str, str]]:
+    """``(sequence, modality)`` by label, of the test with low-domain-gap weights."""
+    return _labels([name for light in LIGHTS for name in _tests(profile, light)])
+
+
+def empty_labels(profile: str) -> dict[str, tuple[str, str]]:
+    """The same of the sequences without a port."""
+    return _labels([name for name in sequences_of(profile) if name.startswith("empty")])
+
+
+def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
+    return {label(name, m, "low"): (name, m) for name in names for m in MODALITIES}
+
+
+def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures=None) -> None:
+    seconds = sequences.SECONDS[profile][kind := name.split("-")[0]]
+    recording = recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
+    facts = {"profile": profile, "seed": name}
+    port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
+    counted, files = [], []
+    for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
+        found = {m: _estimates(recording, m, gap, rate_hz, folder, report) for m in MODALITIES}
+        found["fused"] = list(fuse(in_time(found), port.yaw_period_rad, rate_hz))
+        write_estimates(found["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
+        for modality, some in found.items():
+            medians = {}
+            if recording.truth is not None:
+                table = pose_errors.errors(recording, some, port)
+                path = folder / f"errors-{label(name, modality, gap)}.csv"
+                files.append(save_table(path, table, **facts))
+                medians = table[list(pose_errors.METRICS)].median()
+            if gap == "low":
+                counted.append({
+                    "sequence": name, "modality": modality, "images": len(some),
+                    "ellipses": sum(e.ellipse is not None for e in some),
+                    "poses": sum(e.T_cam_port is not None for e in some), **medians,
+                })  # fmt: skip
+    files.append(save_table(folder / f"counts-{name}.csv", pd.DataFrame(counted), **facts))
+    if kind == "test":
+        fits = filter_quality(recording, shipped_gaps())
+        files.append(save_table(folder / f"filters-{name}.csv", fits, **facts))
+    else:  # few, and the hard cases' page draws them
+        files += [folder / f"estimates-{label(name, m, 'low')}.csv" for m in TRACKS]
+    if recording.truth is not None:
+        shares_percent = pose_errors.saturation(recording, port)
+        files.append(save_table(folder / f"saturation-{name}.csv", shares_percent, **facts))
+        values = shares_percent[["low", "high"]].mean().to_dict()
+        files.append(save_json(folder / f"saturation-{name}.json", values, **facts))
+    if pictures and kind != "hard":
+        files += pictures(recording, folder, _labels([name]), rate_hz)
+    if profile == "paper":
+        pack(_packed(name), files, folder, mark)
+    (folder / f"{name}.done").write_text(mark)
+
+
+def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
+    """The sequence's recording, simulated unless the one kept is of the same bench and length."""
+    path, made_of = folder / f"{name}.npz", folder / f"{name}.simulated"
+    mark = fingerprint(name, str(seconds), patterns=BENCH)
+    if not (path.exists() and _holds(made_of, mark)):
+        report(f"{name}: simulating {seconds:.0f} s")
+        simulate.record(name, seconds, path)
+        made_of.write_text(mark)
+    return open_recording(path)
+
+
+def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path,
+               report) -> list[Estimate]:  # fmt: skip
+    """Those kept, if the estimator and its two filters are still the ones that made them."""
+    name = label(recording.name, modality, gap)
+    own = (*OF_ESTIMATES, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
+    mark = fingerprint(recording.name, str(rate_hz), best_precision(), patterns=own)
+    path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
+    if not (path.exists() and _holds(done, mark)):
+        estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
+        write_estimates(found := list(estimate(recording, estimator, rate_hz)), path)
+        poses = sum(e.T_cam_port is not None for e in found)
+        report(f"{name}: {poses} poses in {len(found)} images")
+        done.write_text(mark)
+    return read_estimates(path)
+
+
+def _tabulate(profile: str, folder: Path) -> None:
+    """Tables of the whole profile, in its folder and of the paper's also in `PUBLISHED`, then the claims."""
+    tests = {light: _tests(profile, light) for light in LIGHTS}
+    tables = accuracy_tables.tables(folder, tests, sequences_of(profile))
+    facts = {"profile": profile, "seed": SEED, "draws": DRAWS, "block_s": BLOCK_S}
+    for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
+        for name, table in tables.items():
+            save_table(target / f"{name}.csv", table, **facts)
+        rows = claims(pose_errors.compare(target), tables["counts"], tables["saturation"])
+        save_table(target / "claims.csv", rows, **facts)
+
+
+def _holds(path: Path, mark: str) -> bool:
+    return path.exists() and path.read_text() == mark

@@ -1,0 +1,45 @@
+"""One sequence's results in one file, so that a study of hours goes on from a checkout on any machine."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..types import InputError
+
+MARK = "made-of"  # the entry with the fingerprint of what made the others
+
+
+def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
+    """Write ``files`` of ``folder`` and the fingerprint of what made them, whole or not at all; the same
+    bytes for the same contents."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    with zipfile.ZipFile(part, "w") as archive:
+        entries = {str(f.relative_to(folder)): f.read_bytes() for f in sorted(files)} | {MARK: mark.encode()}
+        for name, content in entries.items():  # a ZipInfo's date is fixed, a file's own is not
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_LZMA)
+    os.replace(part, path)
+    return path
+
+
+def unpack(path: Path, folder: Path, mark: str) -> bool:
+    """Put the files back into ``folder`` if there are any and ``mark`` is their fingerprint; whether it was.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    if not path.exists():
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.read(MARK).decode() != mark:
+                return False
+            archive.extractall(folder, [name for name in archive.namelist() if name != MARK])
+    except (zipfile.BadZipFile, KeyError, EOFError, ValueError, OSError, NotImplementedError) as error:
+        raise InputError(f"{path}: no readable results ({error}); restore it or delete it") from None
+    return True

@@ -1,0 +1,141 @@
+"""Exchange with other odometries, as files: what they need to run, and what their trajectories are worth.
+
+The ``lmmap odometry`` command.  Nothing here imports another odometry.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..pipeline.histograms import histogram, middle_us, windows_before
+from ..recordings.formats import open_recording, write_recording
+from ..recordings.pose_files import read_trajectory, write_trajectory
+from ..types import PAPER, Camera, InputError, Recording
+from . import odometry
+
+BLUR_PX, FULL_SCALE = 1.0, 4.0  # of event frames: Gaussian blur; blurred count that is white
+FRAME_HZ = 20.0
+
+
+def register(command) -> None:
+    """Add ``odometry export`` and ``odometry score``; ``command(name, run, text)`` adds a subcommand."""
+    text = "exchange recordings and trajectories with other odometries"
+    parser = command("odometry", lambda a: None, text)
+    actions = parser.add_subparsers(required=True, metavar="ACTION")
+    text = "write a ROS 1 bag, PNG images, event frames, the camera and the truth (TUM)"
+    sub = actions.add_parser("export", help=text, description=text)
+    sub.set_defaults(run=_export)
+    sub.add_argument("recording", type=Path)
+    sub.add_argument("folder", type=Path, metavar="DIR")
+    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV or ROS")
+    text = "relative errors of a TUM trajectory, scale aligned on its first 40 poses"
+    sub = actions.add_parser("score", help=text, description=text)
+    sub.set_defaults(run=_score)
+    sub.add_argument("trajectory", type=Path, help="TUM file: t x y z qx qy qz qw, seconds and metres")
+    sub.add_argument("--reference", type=Path, required=True, metavar="RECORDING",
+                     help="its truth lies beside it; or a trajectory (.csv, .tum, .txt)")  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print JSON")
+
+
+def event_frame(events, size_px) -> np.ndarray:
+    """Grey 8-bit image of a window of events: counts whatever their polarity, blurred, clipped.
+
+    Signed histograms flip their sign when the camera turns back, and no tracker follows that.
+    """
+    counts = histogram(events["x"], events["y"], size_px).astype(np.float32)
+    return np.minimum(cv2.GaussianBlur(counts, (0, 0), BLUR_PX) * (255 / FULL_SCALE), 255).astype(np.uint8)
+
+
+def event_frames(recording: Recording, rate_hz: float = FRAME_HZ):
+    """Yield ``(t_us, image)``: the last N events before each tick, at the middle of their span."""
+    e = recording.events
+    ticks = np.arange(e["t_us"][0], e["t_us"][-1], 1e6 / rate_hz).astype(np.int64) if len(e) else []
+    for window in windows_before(e, ticks, PAPER.events_per_window):
+        if window is not None:
+            some = e[window]
+            yield middle_us(some), event_frame(some, recording.camera.size_px)
+
+
+def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, int]:
+    """Write ``recording.bag``, ``rgb/`` and ``event/`` with their lists, ``camera.json``, ``truth.tum``.
+
+    Returns the number of images of each modality.  Images are as recorded, with lens distortion.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    streams = {
+        "rgb": zip(recording.frames_t_us.tolist(), recording.frames[..., ::-1], strict=True),
+        "event": event_frames(recording),
+    }
+    try:
+        counts = {name: _write_images(folder, name, images) for name, images in streams.items()}
+        if bag:
+            write_recording(recording, folder / "recording.bag")
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(
+            f"{folder}: cannot write ({reason}); name a folder with room that you may write"
+        ) from None
+    recording.camera.save(folder / "camera.json")
+    if recording.truth is not None:
+        write_trajectory(recording.truth, folder / "truth.tum", "tum")
+    return counts
+
+
+def _write_images(folder: Path, name: str, images) -> int:
+    (folder / name).mkdir(parents=True, exist_ok=True)
+    lines, last_us = ["# seconds file"], None
+    for number, (t_us, image) in enumerate(images):
+        if t_us == last_us:
+            continue
+        path, last_us = f"{name}/{number:06d}.png", t_us
+        if not cv2.imwrite(str(folder / path), image):
+            raise OSError(f"no image could be written to {path}")
+        lines.append(f"{t_us // 10**6}.{t_us % 10**6:06d} {path}")
+    (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
+    return len(lines) - 1
+
+
+def _export(a) -> None:
+    recording = open_recording(a.recording, Camera.load(a.camera) if a.camera else None)
+    counts = export(recording, a.folder)
+    events = len(recording.events)
+    print(f"{a.folder}: {counts['rgb']} frames, {counts['event']} event frames, a bag with {events} events")
+
+
+def reference_trajectory(path: Path):
+    """The truth beside a recording, or a trajectory file itself; raises `InputError`."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file; check the path")
+    if path.suffix in (".csv", ".tum", ".txt"):
+        return read_trajectory(path)
+    truth = path.with_suffix(".truth.csv")
+    if not truth.exists():
+        raise InputError(f"{path}: no ground truth beside it; put it in {truth.name}")
+    return read_trajectory(truth)
+
+
+def _score(a) -> None:
+    if a.trajectory.suffix not in (".tum", ".txt", ".csv"):
+        raise InputError(
+            f"{a.trajectory}: cannot read '{a.trajectory.suffix}'; write TUM lines to a .tum file"
+        )
+    try:
+        table = odometry.score(odometry.read_tracks(a.trajectory), reference_trajectory(a.reference))
+    except odometry.NotScored as error:
+        raise InputError(f"{a.trajectory}: {error}") from None
+    rows = odometry.by_length(table)
+    if a.json:
+        print(json.dumps(rows.to_dict("records"), indent=1))
+        return
+    print(f"{'length (m)':>10} {'stretches':>9} {'median (mm)':>11} {'rotation (deg)':>14}")
+    for row in rows.itertuples():
+        mm = 1000 * row.median_m
+        print(f"{row.length_m:10.3f} {row.stretches:9d} {mm:11.2f} {row.rotation_median_deg:14.2f}")

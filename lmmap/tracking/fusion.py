@@ -1,0 +1,171 @@
+"""Estimates of both cameras in one Kalman filter on SE(3) over a constant-velocity `motion`.
+
+An estimate (p_m, R_m) with covariance S is compared with the track's pose (p, R) by
+
+    y = (p_m - p, log(R_m Rz(k yaw_period) R^T)),    k with the smallest rotation.
+
+Errors of neighbouring images are alike.  With correlation rho = exp(-dt / correlation_s), dt since the same
+camera's last accepted estimate, S counts (1 + rho) / (1 - rho) times: then n estimates of a still port are
+worth what n errors of that correlation are, 1 + (n - 1)(1 - rho) / (1 + rho) independent ones.
+
+A ring without markers goes on with a track, and begins none: it corrects all but the yaw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..geometry.projection import equal_turns, rotation_angle_rad
+from ..types import Estimate, Pose, Status
+from .motion_model import POSE, Motion, Track
+
+FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
+FARTHEST = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
+
+
+class Fusion:
+    """A track of the port, fed with estimates in the order of their times, asked at any time after.
+
+    Parameters
+    ----------
+    yaw_period_rad
+        The port's symmetry; estimates count as the nearest of their equals.
+    """
+
+    def __init__(self, yaw_period_rad: float, motion: Motion | None = None):
+        self.motion, self.track = motion or Motion(), None
+        self._turns = equal_turns(yaw_period_rad)
+        self._unknown_rad = yaw_period_rad / np.sqrt(12)
+        self._statuses: dict[str, Status] = {}
+
+    def add(self, estimates: Mapping[str, Estimate]) -> None:
+        """Take the estimates of one time, one of each camera that has an image then.
+
+        Each is compared with the prediction; beyond the gate its ``rival`` may stand in for it, and else it
+        is not taken.  All that are taken count at once, so their order does not matter.
+
+        Raises
+        ------
+        ValueError
+            For different times, a time before the last, or a pose without covariance.
+        """
+        times = {e.t_us for e in estimates.values()}
+        if len(times) != 1:
+            raise ValueError(f"estimates: expected one time, got {sorted(times)}")
+        (t_us,) = times
+        self._statuses |= {camera: e.status for camera, e in estimates.items()}
+        seen = {camera: e for camera, e in estimates.items() if (e.T_cam_port or e.ring) is not None}
+        if missing := [camera for camera, e in seen.items() if e.covariance is None]:
+            raise ValueError(f"estimates: expected covariances, got none from {', '.join(missing)}")
+        track, whole = self._at(t_us), [camera for camera, e in seen.items() if e.T_cam_port is not None]
+        if track is None and whole:
+            first = min(whole, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
+            track = self.track = Track.begun(seen.pop(first), first, self.motion)
+        if track is None:
+            return
+        information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
+        for camera, e in seen.items():
+            if (found := self._matched(track, e)) is None:
+                continue
+            y, S = found
+            weight = np.linalg.inv(S * self._repetition(track, camera, t_us))
+            information, vector, taken = information + weight, vector + weight @ y, {**taken, camera: t_us}
+        if taken:
+            S = np.linalg.inv(information)
+            self.track = track.corrected(S @ vector, S, taken)
+
+    def at(self, t_us: int) -> Estimate:
+        """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
+        was, when last seen, less known than by a guess: a camera's pose may have a guessed yaw, but rings
+        alone do not go on with it."""
+        track = self._at(t_us)
+        if track is None:
+            status = max(self._statuses.values(), key=_progress, default=Status.NO_RING)
+            return Estimate(t_us, Status.NO_RING if status == Status.OK else status)
+        n = self.track.T_cam_port.normal
+        if n @ self.track.covariance[3:6, 3:6] @ n > (1 + 1e-6) * self._unknown_rad**2:
+            return Estimate(t_us, Status.NO_MARKERS)
+        return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.covariance[POSE, POSE])
+
+    def _at(self, t_us: int) -> Track | None:
+        if self.track is None or t_us - max(self.track.seen_us.values()) > 1e6 * self.motion.lost_s:
+            return None
+        return self.track.predicted(t_us, self.motion)
+
+    def _matched(self, track: Track, e: Estimate):
+        """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the
+        gate; of a ring, of the nearer of its two poses; None beyond the gate."""
+        whole = e.T_cam_port is not None
+        one, other = (e.T_cam_port, e.rival) if whole else (e.ring, e.twin)
+        choices = [(one, e.covariance)]
+        if other is not None:
+            choices.append((other, _turned(e.covariance, one.normal, other.normal)))
+        kept = []
+        for T, S in choices:
+            n = T.normal
+            y = self._innovation(track.T_cam_port, T) if whole else _to_ring(track.T_cam_port, T)
+            S = S if whole else S + np.pad(FREE_RAD**2 * np.outer(n, n), ((3, 0), (3, 0)))
+            distance = y @ np.linalg.solve(track.covariance[POSE, POSE] + S, y)
+            if distance <= self.motion.gate:
+                kept.append((distance, y, S))
+        return (kept[0] if whole else min(kept, key=lambda one: one[0]))[1:] if kept else None
+
+    def _innovation(self, T: Pose, measured: Pose) -> np.ndarray:
+        turned = measured.rotation @ self._turns @ T.rotation.T
+        nearest = turned[np.argmin(rotation_angle_rad(turned))]
+        return np.concatenate([measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()])
+
+    def _repetition(self, track: Track, camera: str, t_us: int) -> float:
+        """1 for a camera's first estimate."""
+        if camera not in track.seen_us:
+            return 1.0
+        return self.motion.repetition(1e-6 * (t_us - track.seen_us[camera]))
+
+
+def fuse(
+    timed: Iterable[tuple[str, Estimate]],
+    yaw_period_rad: float,
+    rate_hz: float | None = None,
+    motion: Motion | None = None,
+) -> Iterator[Estimate]:
+    """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
+    from the first, each of what came until then.
+
+    A camera's estimates count at their own times: a histogram's is the middle of its events' span.
+    """
+    fusion, tick, first_us = Fusion(yaw_period_rad, motion), 0, None
+    for t_us, some in groupby(timed, key=lambda one: one[1].t_us):
+        first_us = t_us if first_us is None else first_us
+        while rate_hz and (tick_us := first_us + round(tick * 1e6 / rate_hz)) < t_us:
+            yield fusion.at(tick_us)
+            tick += 1
+        fusion.add(dict(some))
+        if not rate_hz:
+            yield fusion.at(t_us)
+    if rate_hz and first_us is not None and first_us + round(tick * 1e6 / rate_hz) == t_us:
+        yield fusion.at(t_us)
+
+
+def _to_ring(T: Pose, ring: Pose) -> np.ndarray:
+    """Position difference (m), and the shortest rotation vector that turns the normal into the ring's."""
+    axis = np.cross(T.normal, ring.normal)
+    sine = np.linalg.norm(axis)
+    angle = np.arctan2(sine, T.normal @ ring.normal)
+    return np.concatenate([ring.position_m - T.position_m, axis * (angle / sine if sine > 1e-12 else 1.0)])
+
+
+def _turned(covariance, normal, rival) -> np.ndarray:
+    """A pose's covariance for its rival: rotations are turned as the normal is, by the shortest way."""
+    axis, cosine = np.cross(normal, rival), float(normal @ rival)
+    cross = np.cross(np.eye(3), axis)  # [axis]x
+    turn = np.eye(6)
+    turn[3:, 3:] += cross + cross @ cross / max(1 + cosine, 1e-9)
+    return turn @ covariance @ turn.T
+
+
+def _progress(status: Status) -> int:
+    return FARTHEST.index(status) if status in FARTHEST else -1

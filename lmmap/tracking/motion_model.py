@@ -1,0 +1,94 @@
+"""A port that moves at nearly constant velocity: its pose and velocity with their covariance, and how both
+go on in time and are corrected by a measured pose.
+
+The state is T_cam_port with its velocity v (m/s) and angular rate w (rad/s), all along the camera's axes; its
+covariance (12, 12) is of (position, rotation, v, w), the rotation a left perturbation as in `uncertainty`.
+White acceleration drives it.  From one time to the next
+
+    p' = p + v dt,    R' = exp([w dt]x) R.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..types import Estimate, Pose
+
+POSE, RATE = slice(0, 6), slice(6, 12)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the filter assumes; all but the gate by `python tuning/tune_fusion.py`."""
+
+    acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
+    acceleration_rad: float = 0.2  # rad / s^1.5
+    correlation_s: float = 0.05  # of a camera's errors
+    speed_m_s: float = 0.05  # standard deviation along each axis when nothing is known yet
+    rate_rad_s: float = 0.18
+    gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)
+    lost_s: float = 0.2  # without an accepted estimate: the next one starts anew
+
+    def repetition(self, dt_s: float) -> float:
+        """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:
+        (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s) times itself."""
+        return float(1 / np.tanh(max(dt_s, 1e-6) / (2 * self.correlation_s))) if self.correlation_s else 1.0
+
+
+@dataclass(frozen=True)
+class Track:
+    """Pose, velocity (6,) and covariance (12, 12) at a time; ``seen_us`` of the last accepted estimate of
+    each camera."""
+
+    t_us: int
+    T_cam_port: Pose
+    velocity: np.ndarray
+    covariance: np.ndarray
+    seen_us: Mapping[str, int]
+
+    @classmethod
+    def begun(cls, e: Estimate, camera: str, motion: Motion) -> Track:
+        """At an estimate, with a velocity of which only the usual size is known."""
+        rates = np.repeat([motion.speed_m_s**2, motion.rate_rad_s**2], 3)
+        covariance = np.diag(np.concatenate([np.zeros(6), rates]))
+        covariance[POSE, POSE] = e.covariance
+        return cls(e.t_us, e.T_cam_port, np.zeros(6), covariance, {camera: e.t_us})
+
+    def predicted(self, t_us: int, motion: Motion) -> Track:
+        """The same at a later time."""
+        dt = (t_us - self.t_us) * 1e-6
+        if dt < 0:
+            raise ValueError(f"t_us: expected {self.t_us} or later, got {t_us}")
+        v, w = self.velocity[:3], self.velocity[3:]
+        turn = Rotation.from_rotvec(w * dt).as_matrix()
+        F = np.eye(12)
+        F[0:3, 6:9] = dt * np.eye(3)
+        F[3:6, 3:6] = turn
+        F[3:6, 9:12] = dt * Rotation.from_rotvec(w * dt / 2).as_matrix()  # the left Jacobian, to dt^3
+        density = np.repeat([motion.acceleration_m**2, motion.acceleration_rad**2], 3)
+        Q = np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.diag(density))
+        T = Pose(turn @ self.T_cam_port.rotation, self.T_cam_port.position_m + v * dt)
+        return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(F @ self.covariance @ F.T + Q))
+
+    def corrected(self, y, S, seen_us: Mapping[str, int]) -> Track:
+        """The same after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""
+        P = self.covariance
+        K = np.linalg.solve(P[POSE, POSE] + S, P[POSE]).T
+        keep = np.eye(12)
+        keep[:, POSE] -= K
+        step = K @ y
+        T = Pose(
+            Rotation.from_rotvec(step[3:6]).as_matrix() @ self.T_cam_port.rotation,
+            self.T_cam_port.position_m + step[:3],
+        )
+        return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
+                       covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T),
+                       seen_us={**self.seen_us, **seen_us})  # fmt: skip
+
+
+def _symmetric(A):
+    return (A + A.T) / 2

@@ -1,0 +1,2 @@
+"""How the filters are trained: `dataset`, `augment`, `recipe`, `train`; `mask_quality` judges what
+they learned."""

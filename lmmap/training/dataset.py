@@ -1,0 +1,208 @@
+"""The training set on disk: one folder of plain arrays for each sequence, read through memory maps.
+
+An event sample keeps its events sorted by their distance in time from the mask's time.  The first N
+of them are then the N-event histogram whose middle is that time, for any N: one file serves them all.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from ..bench import sequences
+from ..bench.renderer import ray_grid
+from ..pipeline.histograms import joined
+from ..pipeline.network import FILTERS
+from ..provenance import fingerprint, made_by
+from ..recordings.stream import Stream
+from ..types import EVENT, PAPER, Port, Recording
+
+AUGMENTED, REALISTIC = 240, 120  # sequences of each kind
+SEQUENCE_SECONDS, SAMPLES = 0.8, 5
+EXCERPT_EVERY_S = 4.0  # between pieces of a long recording: neighbouring views are nearly equal
+MOST_EVENTS = 2 * PAPER.events_per_window
+NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
+BENCH = made_by("bench.sequences")
+_AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
+_ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
+SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL}
+
+
+def split(names: list[str]) -> tuple[list[str], list[str]]:
+    """80/20 by sequence, as neighbouring frames of one sequence are nearly equal: every fifth validates."""
+    return [n for i, n in enumerate(names) if i % 5 != 4], names[4::5]
+
+
+def samples(recording: Recording, count: int = SAMPLES, port: Port | None = None) -> dict[str, np.ndarray]:
+    """Images and labels at ``count`` times of a recording whose truth is known.
+
+    Returns
+    -------
+    dict
+        ``rgb`` (N, H, W, 3) u8; ``event`` (N, M) u32: pixel numbers ``y W + x`` by distance in time,
+        `NO_EVENT` at the end; ``rgb_labels``, ``event_labels`` (N, H, W) u8: bit k is filter k's mask.
+    """
+    camera, port = recording.camera, port or Port.lm_map()
+    rays, shape = ray_grid(camera, 4), recording.camera.size_px[::-1]
+
+    def labels(times_us):
+        poses = recording.truth.at(np.asarray(times_us, np.int64))
+        masks = [sequences.label_masks(pose, port, camera, rays).astype(np.uint8) for pose in poses]
+        return np.array([m[0] | m[1] << 1 for m in masks], np.uint8).reshape(-1, *shape)
+
+    pick = _spread(len(recording.frames), count)
+    events, middles_us = _events(recording, count)
+    return {"rgb": recording.frames[pick], "rgb_labels": labels(recording.frames_t_us[pick]),
+            "event": events, "event_labels": labels(middles_us)}  # fmt: skip
+
+
+def _events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
+    events, width = recording.events, recording.camera.width_px
+    most = min(MOST_EVENTS, len(events))
+    rows, middles_us, core = [], [], PAPER.events_per_window
+    if most >= core:
+        for start in _spread(len(events) - most + 1, count):
+            some = events[start : start + most]
+            first = (most - core) // 2
+            middle_us = (int(some["t_us"][first]) + int(some["t_us"][first + core - 1])) // 2
+            away_us = np.abs(some["t_us"] - middle_us)
+            reach_us = min(middle_us - some["t_us"][0], some["t_us"][-1] - middle_us)
+            order = np.argsort(away_us, kind="stable")
+            order = order[: max(np.count_nonzero(away_us <= reach_us), core)]
+            row = np.full(MOST_EVENTS, NO_EVENT, np.uint32)
+            row[: len(order)] = some["y"][order].astype(np.uint32) * width + some["x"][order]
+            rows.append(row)
+            middles_us.append(middle_us)
+    return np.array(rows, np.uint32).reshape(-1, MOST_EVENTS), middles_us
+
+
+def _spread(total: int, wanted: int) -> np.ndarray:
+    return np.unique(np.linspace(0, total - 1, min(wanted, total)).astype(int))
+
+
+def excerpts(stream: Stream, starts_us, length_us: int) -> Iterator[Recording]:
+    """Pieces of a recording whose truth is known, one after the other, in the memory of one of them.
+
+    ``starts_us`` are in order, and no two pieces overlap.
+    """
+    chunks, frames = stream.chunks(), stream.timed_frames()
+    held, last_us, frame = np.empty(0, EVENT), -np.inf, next(frames, None)
+    for start_us in starts_us:
+        end_us, parts, shots = start_us + length_us, [held], []
+        while last_us < end_us and (chunk := next(chunks, None)) is not None:
+            last_us = chunk["t_us"][-1]
+            parts += [chunk] if last_us >= start_us else []
+        events = joined(parts)
+        first, last = np.searchsorted(events["t_us"], [start_us, end_us])
+        held = events[last:].copy()
+        while frame is not None and frame[0] < end_us:
+            shots += [frame] if frame[0] >= start_us else []
+            frame = next(frames, None)
+        width, height = stream.camera.size_px
+        images = np.array([image for _, image in shots], np.uint8).reshape(-1, height, width, 3)
+        times_us = np.array([t_us for t_us, _ in shots], np.int64)
+        yield Recording(stream.name, stream.camera, events[first:last], images, times_us, stream.truth)
+
+
+def make_recorded(stream: Stream, label: str, folder: Path, port: Port, report=print) -> list[str]:
+    """Samples of a recording whose truth is known, in ``folder/LABEL-0000`` and so on; the names.
+
+    Masks come from the truth and the CAD, as the paper's do.  What is there already is kept.
+    """
+    length_us, truth_us = int(SEQUENCE_SECONDS * 1e6), stream.truth.t_us
+    starts_us = np.arange(truth_us[0], truth_us[-1] - length_us, EXCERPT_EVERY_S * 1e6).astype(np.int64)
+    names = [f"{label}-{k:04d}" for k in range(len(starts_us))]
+    absent = [(name, t) for name, t in zip(names, starts_us, strict=True) if not (folder / name).is_dir()]
+    pieces = excerpts(stream, [t for _, t in absent], length_us)
+    for done, ((name, _), piece) in enumerate(zip(absent, pieces, strict=True), 1):
+        write_samples(folder / name, samples(piece, SAMPLES, port), "recordings")
+        report(f"training set: {name}, {done} of {len(absent)}")
+    return names
+
+
+def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = "") -> Path:
+    """A folder of arrays, whole or not at all."""
+    part = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    for name, values in arrays.items():
+        np.save(part / f"{name}.npy", values)
+    (part / "made_of").write_text(made_of)
+    os.replace(part, folder)
+    return folder
+
+
+def make_sequence(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS, count: int = SAMPLES) -> Path:
+    """Simulate a sequence and keep its samples in ``folder/NAME``, unless they are there."""
+    if not (folder / name).is_dir():
+        recording = sequences.simulate(name, seconds)
+        write_samples(folder / name, samples(recording, count), fingerprint(patterns=BENCH))
+    return folder / name
+
+
+def make(names: Iterable[str], folder: Path, processes: int | None = None, report=print, **size) -> None:
+    """Make the samples of many sequences in parallel (``size``: seconds and count of `make_sequence`);
+    memory holds one sequence per process, and an interrupted run goes on where it was."""
+    absent = [name for name in names if not (folder / name).is_dir()]
+    tasks = [joblib.delayed(make_sequence)(name, folder, **size) for name in absent]
+    done = joblib.Parallel(processes or os.cpu_count(), return_as="generator_unordered")(tasks)
+    for i, path in enumerate(done):
+        report(f"training set: {path.name}, {i + 1} of {len(absent)}")
+
+
+@lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
+def _mapped(path: Path) -> np.ndarray:
+    return np.load(path, mmap_mode="r")
+
+
+class Samples:
+    """The samples of some sequences for one filter; arrays stay on disk until one is asked for.
+
+    Parameters
+    ----------
+    names : sequences; those without samples of this modality count for nothing
+    filter_name, modality : one of `FILTERS`; ``"rgb"`` or ``"event"``
+    folder : where `make` wrote
+    """
+
+    def __init__(self, names: list[str], filter_name: str, modality: str, folder: Path):
+        self.names, self.modality, self.folder = list(names), modality, folder
+        self._bit = FILTERS.index(filter_name)
+        self._where = [(n, i) for n in self.names for i in range(len(self._array(n, "_labels")))]
+
+    def _array(self, name: str, what: str = "") -> np.ndarray:
+        return _mapped(self.folder / name / f"{self.modality}{what}.npy")
+
+    def __len__(self) -> int:
+        return len(self._where)
+
+    def mask(self, index: int) -> np.ndarray:
+        """Boolean mask (H, W)."""
+        name, i = self._where[index]
+        return (np.asarray(self._array(name, "_labels")[i]) >> self._bit & 1).astype(bool)
+
+    def image(self, index: int, events: int = PAPER.events_per_window) -> np.ndarray:
+        """Frame (H, W, 3) u8, or histogram (H, W) u16 of the ``events`` events nearest the mask's time."""
+        name, i = self._where[index]
+        data = self._array(name)[i]
+        if self.modality == "rgb":
+            return np.asarray(data)
+        height, width = self._array(name, "_labels").shape[1:]
+        pixels = np.asarray(data[:events])
+        counts = np.bincount(pixels[pixels != NO_EVENT], minlength=height * width)
+        return counts.reshape(height, width).astype(np.uint16)
+
+    def positive_share(self) -> float:
+        """Share of pixels in the masks: the class prior."""
+        return float(np.mean([self.mask(i).mean() for i in range(0, len(self), max(len(self) // 100, 1))]))
+
+    def made_of(self) -> str:
+        """Fingerprint of the bench that made the samples, or ``"several"``."""
+        marks = {(self.folder / n / "made_of").read_text() for n in self.names}
+        return marks.pop()[:12] if len(marks) == 1 else "several"

@@ -1,0 +1,95 @@
+"""What a training run depends on: which filter, on which data, for how many steps, and which of them ship."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
+from ..types import InputError
+
+STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
+    "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
+    "ring-event": {"high": 3000, "low": 28000, "robust": 4000},
+    "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
+    "reflector-event": {"high": 4000, "low": 34000, "robust": 4000},
+}
+RESTART = {  # all still gained when their rate was zero
+    "ring-rgb-low": (3000,),
+    "ring-event-low": (5000, 11000, 19000),
+    "reflector-rgb-low": (3000,),
+    "reflector-event-low": (8000, 14000, 22000),
+}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a training run depends on, and what its model card prints."""
+
+    filter: str
+    modality: str
+    domain_gap: str = "low"
+    seed: int = 0
+    steps: int = 2000
+    batch: int = 16
+    crop_px: int = 96
+    positive_crops: float = 0.65
+    rate: float = 1e-3
+    warm_up: int = 100
+    start_from: str = ""  # a domain gap, whose weights are the first ones
+    data: str = ""  # a folder of recordings instead of the bench, by its name
+    restart: tuple[int, ...] = ()  # steps at which the rate rises to its first value and falls once more
+
+    def __post_init__(self):
+        named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
+        for name, allowed in named:
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
+        if self.steps < 1 or self.batch < 1:
+            raise InputError(f"--steps {self.steps}: a training has at least 1 step")
+        object.__setattr__(self, "restart", tuple(self.restart))  # JSON has lists
+        ends = (0, *self.restart, self.steps)
+        if any(a >= b for a, b in pairwise(ends)):
+            given = " ".join(map(str, self.restart))
+            raise InputError(f"--restart {given}: give rising steps from 1 to {self.steps - 1}")
+
+    @classmethod
+    def shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
+        """Of the weights that ship: the robust ones go on from the low domain gap's."""
+        first = "low" if domain_gap == "robust" else ""
+        steps = STEPS[f"{name}-{modality}"][domain_gap]
+        restart = () if "steps" in changes else RESTART.get(f"{name}-{modality}-{domain_gap}", ())
+        own = cls(name, modality, domain_gap, steps=steps, start_from=first, restart=restart)
+        return replace(own, **changes)
+
+    @property
+    def name(self) -> str:
+        """What its weights are called."""
+        return f"{self.filter}-{self.modality}-{self.domain_gap}"
+
+    def phase(self, step: int) -> float:
+        """Of the cosine along which the rate falls, in [0, 1)."""
+        ends = (0, *self.restart, self.steps)
+        first, last = next((a, b) for a, b in pairwise(ends) if step < b)
+        return (step - first) / (last - first)
+
+    @property
+    def begun(self) -> list[Recipe]:
+        """Recipes that this one goes on from: itself until each of its restarts."""
+        return [replace(self, steps=step, restart=self.restart[:k]) for k, step in enumerate(self.restart)]
+
+    @property
+    def command(self) -> str:
+        """What makes the weights again."""
+        return (
+            f"lmmap train --filter {self.filter} --modality {self.modality} "
+            f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"
+        ) + "".join(
+            f" --{flag} {value}"
+            for flag, value in (
+                ("start-from", self.start_from),
+                ("data", self.data),
+                ("restart", " ".join(map(str, self.restart))),
+            )
+            if value
+        )

@@ -1,0 +1,175 @@
+"""The book without a build: what each page must have, that references resolve, that pins are exact."""
+
+import ast
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from lmmap.provenance import PACKAGE, page_fingerprint
+
+sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
+from lmmap_book import list_modules
+
+ROOT = Path(__file__).parents[2]
+BOOK = ROOT / "book"
+TOC = yaml.safe_load((ROOT / "_toc.yml").read_text())
+NAMES = [TOC["root"]] + [chapter["file"] for part in TOC["parts"] for chapter in part["chapters"]]
+PAGES = [ROOT / f"{name}.md" for name in NAMES]
+CHAPTERS = [page for page in PAGES if page.stem not in ("api", "bibliography")]
+ENVIRONMENT = (ROOT / "environment.txt").read_text()
+PINS = [line.split(";")[0].strip() for line in ENVIRONMENT.splitlines() if line and not line.startswith("#")]
+
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+every_chapter = pytest.mark.parametrize("page", CHAPTERS, ids=lambda page: page.stem)
+
+
+def cells(page: Path) -> list[str]:
+    """Source of a page's code cells, without their options."""
+    found = re.findall(r"^(`{3,}|:{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
+    return [re.sub(r"\A(:[^\n]*\n)+|\A---\n.*?\n---\n", "", body, flags=re.S) for _, body in found]
+
+
+def code(page: Path) -> ast.Module:
+    return ast.parse("\n".join(cells(page)))
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"^(`{3,})[^\n]*\n.*?^\1$", "", page.read_text(), flags=re.M | re.S)
+
+
+def glued(page: Path) -> set[str] | None:
+    """Keys that a page glues by literal name; None if it also makes names."""
+    calls = [
+        n for n in ast.walk(code(page)) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "glue"
+    ]
+    names = [call.args[0] for call in calls]
+    literal = all(isinstance(name, ast.Constant) for name in names)
+    return {name.value for name in names} if literal else None
+
+
+def test_the_table_of_contents_is_the_book():
+    assert sorted(PAGES) == sorted(BOOK.glob("*.md"))
+    assert not list(BOOK.rglob("*.ipynb"))  # notebooks store outputs; chapters are text
+
+
+@every_page
+def test_a_page_opens_with_one_title_and_an_epigraph(page):
+    titles = re.findall(r"^# .+\n\n(.*)", prose(page), re.M)
+    assert len(titles) == 1
+    assert re.match(r"\*[^*]", titles[0]), f"{page.name}: no epigraph under the title"
+
+
+@every_chapter
+def test_a_chapter_runs_in_the_environments_kernel_and_asserts(page):
+    header = yaml.safe_load(page.read_text().split("---\n")[1])
+    assert header["kernelspec"]["name"] == "python3"
+    assert any(isinstance(node, ast.Assert) for node in ast.walk(code(page))), f"{page.name}: no assert"
+
+
+@every_chapter
+def test_a_chapter_draws(page):
+    drawing = re.compile(r"\b(plt\.|figures\.(?!use_style|COLOUR)|go\.Figure|px\.)")
+    assert drawing.search("\n".join(cells(page))), f"{page.name}: draws no figure"
+
+
+@every_page
+def test_functions_in_chapters_stay_short(page):
+    functions = [n for n in ast.walk(code(page)) if isinstance(n, ast.FunctionDef)]
+    long = [f.name for f in functions if f.end_lineno - f.lineno >= 5]
+    assert not long, f"{page.name}: {long} belong into the module"
+
+
+@every_page
+def test_citations_and_links_resolve(page):
+    text = prose(page)
+    keys = set(re.findall(r"@\w+\{(\w+),", (BOOK / "references.bib").read_text()))
+    cited = [key.strip() for group in re.findall(r"\{cite:\w+\}`([^`]+)`", text) for key in group.split(",")]
+    assert set(cited) <= keys
+    for target in re.findall(r"\{doc\}`(?:[^`<]*<)?([^`>]+)>?`", text):
+        assert (BOOK / f"{target}.md") in PAGES, target
+    for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):
+        assert (BOOK / target).exists(), target
+
+
+@every_page
+def test_glued_numbers_exist(page):
+    for role in re.findall(r"\{glue:\w+\}`([^`]+)`", page.read_text()):
+        place, _, key = role.rpartition("::")
+        source = BOOK / place if place else page
+        assert source in PAGES, role
+        names = glued(source)
+        assert names is None or key.split(":")[0] in names, role
+
+
+def test_no_text_names_a_machine():
+    texts = [
+        *PAGES,
+        *ROOT.glob("*.md"),
+        *ROOT.glob("*.yml"),
+        *(ROOT / "lmmap").rglob("*.py"),
+        ROOT / "Makefile",
+    ]
+    machine = re.compile(r"(?<![\w.])/(home|root|tmp|work|Users|mnt)/")
+    assert [path.name for path in texts if machine.search(path.read_text())] == []
+
+
+def test_the_reference_documents_every_module():
+    source = [(BOOK / "api.md").read_text()]
+    list_modules(None, "book/api", source)
+    documented = re.findall(r"automodule:: lmmap\.([\w.]+)", source[0])
+    files = [path.relative_to(PACKAGE).with_suffix("").parts for path in PACKAGE.rglob("*.py")]
+    names = {".".join(parts).removesuffix(".__init__") for parts in files}
+    assert sorted(documented) == sorted(names - {"__init__", "__main__"})
+
+
+def test_pins_are_exact():
+    assert [pin for pin in PINS if not re.fullmatch(r"[\w.-]+==[\w.]+", pin)] == []
+    names = [re.sub(r"[-_.]+", "-", pin.split("==")[0]).lower() for pin in PINS]
+    assert len(set(names)) == len(names)
+    assert not [name for name in names if re.match("nvidia|cuda|triton", name)]
+
+
+def test_binder_installs_the_pins():
+    script = ROOT / "binder" / "postBuild"
+    assert os.access(script, os.X_OK) and "-r environment.txt" in script.read_text()
+    minor = re.fullmatch(r"python-3\.(\d+)\n", (ROOT / "binder" / "runtime.txt").read_text())[1]
+    assert 11 <= int(minor) <= 13
+
+
+def test_every_direct_dependency_has_its_reason():
+    direct = re.findall(r"^([\w.-]+)==", ENVIRONMENT.split("# indirect")[0], re.M)
+    section = (ROOT / "DESIGN.md").read_text().split("## Dependencies")[1]
+    rows = re.findall(r"^\| ([\w.-]+) \| .+ \| .+ \|$", section, re.M)
+    assert sorted(rows) == sorted([*direct, "package"])
+
+
+def test_every_oracle_has_its_pin_and_its_reason():
+    text = (ROOT / "tests" / "oracles.txt").read_text()
+    pins = [line for line in text.splitlines() if not line.startswith("#")]
+    assert [pin for pin in pins if not re.fullmatch(r"[\w.-]+==[\w.]+", pin)] == []
+    direct = re.findall(r"^([\w.-]+)==", text.split("# indirect")[0], re.M)
+    section = (ROOT / "DESIGN.md").read_text().split("## Oracles")[1].split("## ")[0]
+    assert sorted(re.findall(r"^\| ([\w.-]+) \| .+ \| .+ \|$", section, re.M)) == sorted([*direct, "package"])
+
+
+def test_the_cache_is_named_by_what_pages_depend_on(tmp_path, monkeypatch):
+    module = tmp_path / "lmmap" / "core.py"
+    module.parent.mkdir()
+    names = [page_fingerprint(tmp_path)]
+    for text in ("a = 1\n", "a = 2\n"):
+        module.write_text(text)
+        names.append(page_fingerprint(tmp_path))
+    (tmp_path / "data" / "results" / "paper").mkdir(parents=True)
+    (tmp_path / "data" / "results" / "paper" / "table.csv").write_text("x\n")
+    names.append(page_fingerprint(tmp_path))
+    monkeypatch.setenv("PROFILE", "another")
+    names.append(page_fingerprint(tmp_path))
+    assert len(set(names)) == len(names)
+    (tmp_path / "data" / "derived").mkdir()
+    (tmp_path / "data" / "derived" / "scratch.npz").write_text("y\n")
+    assert page_fingerprint(tmp_path) == names[-1]

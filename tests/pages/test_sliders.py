@@ -1,0 +1,71 @@
+"""Figures that move: each step shows what its label says, and paper gets a still."""
+
+import base64
+
+import cv2
+import numpy as np
+import pytest
+from conftest import facing_pose
+
+from lmmap.geometry.projection import circle_ellipse, ideal_masks
+from lmmap.pages import sliders
+from lmmap.types import EVENT, Ellipse
+
+
+@pytest.fixture
+def ring(camera, port):
+    T = facing_pose(0.5, 0.3, 0.1, [0.0, 0.0, 0.5])
+    return ideal_masks(T, port, camera)[0], circle_ellipse(T, port.ring_radius_m, camera)
+
+
+def test_windows_end_with_the_same_event_and_hold_as_many_as_they_say(camera, rng):
+    events = np.zeros(5000, EVENT)
+    events["t_us"], events["x"], events["y"] = np.arange(5000) * 10, rng.integers(346, size=5000), 7
+    steps = sliders.event_windows(events, (100, 5000), camera, lambda t_us: np.full((3, 2), t_us * 1e-3))
+    assert [step.label for step in steps] == ["100", "5,000"]
+    first_px, last_px = ([curve[1] for curve in step.curves] for step in steps)
+    np.testing.assert_array_equal(first_px[1], last_px[1])
+    assert "50.0 ms" in steps[1].title and (last_px[1] - last_px[0]).max() == pytest.approx(49.99)
+    assert all(np.count_nonzero(step.image[:7]) == 0 < step.image[7].sum() for step in steps)
+
+
+def test_five_drawn_points_lie_on_their_conic_and_the_answer_on_most(ring, rng):
+    mask, truth = ring
+    points = np.vstack([truth.points(90), rng.uniform(0, 250, (40, 2))])
+    steps = sliders.ransac_steps(mask, points, 30, rng)
+    assert len(steps) == 31
+    counted = []
+    for step in steps[:-1]:
+        off, on, contour, five = (curve[1] for curve in step.curves)
+        assert len(off) + len(on) == len(points) and len(five) == 5
+        if len(contour):
+            assert {tuple(p) for p in np.unique(five, axis=0)} <= {tuple(p) for p in on}
+        counted.append(len(on))
+    assert f"best so far {max(counted)}" in steps[-2].title
+    assert len(steps[-1].curves[1][1]) >= 90
+
+
+def test_a_high_threshold_refuses_and_a_sensible_one_finds(ring, rng):
+    mask, truth = ring
+    low, high = sliders.thresholds(mask * 0.9, [0.5, 0.95], truth, rng)
+    assert "no ellipse" in high.title and high.title.startswith("0 ")
+    assert "100 % of the contour" in low.title and low.image.sum() > 0 == high.image.sum()
+
+
+@pytest.mark.parametrize("start", [0, 2])
+def test_the_slider_shows_one_step_and_the_still_is_it(ring, start):
+    images = [np.full((260, 346), shade) for shade in (0.0, 0.5, 1.0)]
+    steps = [sliders.Step(f"{k}", f"title {k}", image, (("dot", [[k, k]], "ours", "markers"),
+                              ("line", Ellipse([90, 90], [9, 9], 0).points(), "truth", "lines")))
+             for k, image in enumerate(images)]  # fmt: skip
+    fig = sliders.step_through(steps, "k = ", start)
+    assert [curve.visible for curve in fig.data] == [k == start for k in range(3) for _ in range(2)]
+    for k, button in enumerate(fig.layout.sliders[0].steps):
+        shown, layout = button.args
+        assert shown["visible"] == [n // 2 == k for n in range(6)] and layout["title.text"] == f"title {k}"
+    bundle = sliders.Interactive(fig, "an-id")._repr_mimebundle_()
+    assert 'id="an-id"' in bundle["text/html"] and "cdn" not in bundle["text/html"].lower()
+    png = cv2.imdecode(np.frombuffer(base64.b64decode(bundle["image/png"]), np.uint8), cv2.IMREAD_COLOR)
+    assert (
+        np.abs(png[png.shape[0] // 2, png.shape[1] // 2].astype(float) - 255 * images[start][0, 0]).max() < 3
+    )

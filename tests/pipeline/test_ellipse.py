@@ -1,0 +1,211 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import CAMERA, PORT, ellipses, pose, seeds
+
+from lmmap.geometry import projection
+from lmmap.pipeline import ellipse
+from lmmap.types import PAPER, Ellipse
+
+ANY_ARC = replace(PAPER, min_arc_coverage=0.25)
+
+
+def arc(e: Ellipse, rng, count=300, share=1.0, noise_px=0.0):
+    """Random points of an ellipse's arc, with isotropic noise."""
+    start = rng.integers(3600)
+    picked = (start + rng.integers(0, int(3600 * share), count)) % 3600
+    return e.points(3600)[picked] + noise_px * rng.standard_normal((count, 2))
+
+
+def close(found, e: Ellipse) -> bool:
+    return (
+        found is not None
+        and np.linalg.norm(found.centre_px - e.centre_px) < 2
+        and np.all(np.abs(found.semi_axes_px / e.semi_axes_px - 1) < 0.03)
+    )
+
+
+def success(ransac, share, outliers, trials, settings=ANY_ARC):
+    rng = np.random.default_rng(1)
+    hits = 0
+    for _ in range(trials):
+        a = rng.uniform(30, 90)
+        e = Ellipse(rng.uniform([100, 90], [246, 170]), [a, a * rng.uniform(0.35, 1)], rng.uniform(0, np.pi))
+        clutter = rng.uniform([0, 0], CAMERA.size_px, (int(500 * outliers), 2))
+        points = np.concatenate([arc(e, rng, 500 - len(clutter), share, 0.5), clutter])
+        hits += close(ransac(points, rng, settings)[0], e)
+    return hits / trials
+
+
+@given(ellipses(max_ratio=0.97), seeds())
+def test_points_of_an_ellipse_give_it_back(e, seed):
+    found = ellipse.fit(arc(e, np.random.default_rng(seed), 40))
+    np.testing.assert_allclose(found.centre_px, e.centre_px, atol=1e-6)
+    np.testing.assert_allclose(found.semi_axes_px, e.semi_axes_px, atol=1e-6)
+
+
+@given(ellipses(), seeds(), st.floats(-np.pi, np.pi), st.floats(0.2, 5), st.floats(-500, 500))
+def test_fits_move_turn_and_scale_with_their_points(e, seed, turn, scale, shift):
+    points = arc(e, np.random.default_rng(seed), 100, noise_px=0.5)
+    R = projection.rotation_z(turn)[:2, :2]
+    before, after = ellipse.fit(points), ellipse.fit(scale * points @ R.T + shift)
+    np.testing.assert_allclose(after.centre_px, scale * R @ before.centre_px + shift, atol=1e-4)
+    np.testing.assert_allclose(after.semi_axes_px, scale * before.semi_axes_px, rtol=1e-5)
+
+
+def test_the_fit_has_the_least_geometric_distance_of_all_nearby():
+    rng = np.random.default_rng(3)
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = arc(e, rng, 200, 0.6, 0.7)
+    found = ellipse.fit(points)
+
+    def cost(candidate):
+        contour = candidate.points(20_000)
+        return sum(np.min(np.sum((contour - p) ** 2, 1)) for p in points)
+
+    best = cost(found)
+    values = np.array([*found.centre_px, *found.semi_axes_px, found.angle_rad])
+    for k, step in enumerate([0.3, 0.3, 0.3, 0.3, 0.01]):
+        for sign in (-1, 1):
+            moved = values + sign * step * np.eye(5)[k]
+            assert cost(Ellipse(moved[:2], moved[2:4], moved[4])) > best
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((4, 2)),
+        np.ones((10, 2)),
+        np.column_stack([np.arange(10.0), np.arange(10.0)]),
+        np.full((10, 2), np.nan),
+        np.zeros((10, 3)),
+    ],
+    ids=["four", "one point", "line", "nan", "3-d"],
+)
+def test_points_without_an_ellipse_are_refused(points):
+    with pytest.raises(ValueError, match="points_px: expected"):
+        ellipse.fit(points)
+
+
+def test_ransac_finds_whole_and_partial_rings_among_clutter():
+    assert success(ellipse.fit_ransac, share=1.0, outliers=0.2, trials=20) == 1
+    assert success(ellipse.fit_ransac, share=0.7, outliers=0.4, trials=40) >= 0.97
+    assert success(ellipse.fit_ransac, share=0.5, outliers=0.4, trials=60) >= 0.85
+
+
+def test_ransac_beats_the_papers_loop_on_half_arcs():
+    settings = replace(ANY_ARC, ransac_hypotheses=250)
+    ours = success(ellipse.fit_ransac, 0.5, 0.5, 40, settings)
+    assert ours >= success(ellipse.paper_ransac, 0.5, 0.5, 40, settings) + 0.15
+
+
+def test_the_papers_loop_finds_whole_rings():
+    assert success(ellipse.paper_ransac, 1.0, 0.2, 5, replace(ANY_ARC, ransac_hypotheses=150)) == 1
+
+
+def test_inliers_are_the_points_near_the_ellipse():
+    rng = np.random.default_rng(0)
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = np.concatenate([arc(e, rng, 200, noise_px=0.3), rng.uniform(0, 20, (50, 2))])
+    for ransac in (ellipse.fit_ransac, ellipse.paper_ransac):
+        found, inliers = ransac(points, np.random.default_rng(1))
+        assert inliers.tolist() == [True] * 200 + [False] * 50
+        assert close(found, e)
+
+
+def test_the_same_seed_gives_the_same_ellipse():
+    points = arc(Ellipse([150, 120], [60, 35], 0.5), np.random.default_rng(0), 300, noise_px=1)
+    one, two = (ellipse.fit_ransac(points, np.random.default_rng(5))[0] for _ in range(2))
+    np.testing.assert_array_equal(one.points(), two.points())
+
+
+def nowhere(rng):
+    line = np.column_stack([np.arange(200.0), 3 + 0.5 * np.arange(200.0)])
+    grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0)), -1).reshape(-1, 2)
+    yield from (np.empty((0, 2)), np.ones((4, 2)), np.ones((50, 2)), line, grid[:6])
+    yield rng.uniform(0, 250, (300, 2))
+
+
+@pytest.mark.parametrize("points", list(nowhere(np.random.default_rng(0))))
+@pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
+def test_where_there_is_no_ellipse_the_answer_is_quiet(ransac, points):
+    settings = replace(PAPER, ransac_hypotheses=100)
+    found, inliers = ransac(points, np.random.default_rng(0), settings)
+    assert inliers.shape == (len(points),)
+    assert inliers.dtype == bool
+    assert found is None or ransac is ellipse.paper_ransac  # the paper has no gate on arc coverage
+
+
+def test_gates_refuse_small_flat_and_short():
+    rng = np.random.default_rng(0)
+    small, flat = Ellipse([100, 100], [8, 7], 0), Ellipse([100, 100], [60, 10], 0)
+    whole = Ellipse([100, 100], [60, 40], 0)
+    for points in (arc(small, rng), arc(flat, rng), arc(whole, rng, share=0.3)):
+        assert ellipse.fit_ransac(points, np.random.default_rng(0))[0] is None
+    assert ellipse.fit_ransac(arc(whole, rng), np.random.default_rng(0))[0] is not None
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 1.0])
+def test_arc_coverage_is_the_share_of_the_arc(share):
+    e = Ellipse([150, 120], [60, 35], 0.5)
+    points = e.points(7200)[: int(7200 * share)]
+    assert ellipse.arc_coverage(e, points) == pytest.approx(share, abs=1 / 72)
+    assert ellipse.arc_coverage(e, np.empty((0, 2))) == 0
+
+
+def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
+    T = pose((170, 120), 0.6, 0.5)
+    points = ellipse.skeleton_points(projection.ideal_masks(T, PORT, CAMERA)[0])
+    e = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    distance = np.min(np.linalg.norm(points[:, None] - e.points(2000), axis=-1), 1)
+    assert distance.mean() < 0.6
+    assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
+    assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
+
+
+def test_weak_blobs_go_and_weak_ends_of_strong_ones_stay():
+    row = np.zeros((3, 12))
+    row[1] = [0, 0.6, 0.98, 0.6, 0.4, 0.6, 0.8, 0, 0, 0.9, 0.6, 0]
+    kept = ellipse.binarised(row)
+    assert np.flatnonzero(kept[1]).tolist() == [1, 2, 3, 9, 10]  # 0.9 is near enough to 0.98, 0.8 is not
+    assert np.array_equal(ellipse.binarised(row, sure=0), row > 0.5)
+    assert np.array_equal(ellipse.binarised(0.9 * row, 0.45), kept)  # a filter less sure of all loses nothing
+    assert not ellipse.binarised(0.4 * row).any()
+    assert np.array_equal(ellipse.binarised(row > 0.5), row > 0.5)
+
+
+def degenerate(rng):
+    line = np.column_stack([np.arange(50.0), 2 * np.arange(50.0)])
+    s = np.linspace(-1.5, 1.5, 60)
+    hyperbola = np.concatenate(
+        [np.column_stack([20 * np.cosh(s), 20 * np.sinh(s)]) * side for side in (1, -1)]
+    )
+    yield from (np.zeros((0, 2)), rng.uniform(0, 100, (4, 2)), line, np.tile([[3.0, 4.0]], (40, 1)))
+    yield np.concatenate([np.tile(p, (20, 1)) for p in rng.uniform(0, 100, (4, 2))])  # four places
+    yield hyperbola + 150
+
+
+@pytest.mark.parametrize("points", list(degenerate(np.random.default_rng(0))))
+def test_degenerate_points_give_no_nan(points):
+    found, inliers = ellipse.fit_ransac(
+        points, np.random.default_rng(0), replace(PAPER, ransac_hypotheses=100)
+    )
+    assert found is None
+    assert not inliers.any()
+    try:
+        fitted = ellipse.fit(points)
+    except ValueError as error:
+        assert "points_px: expected" in str(error)
+    else:
+        assert np.all(np.isfinite(fitted.points(8)))
+
+
+@pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
+def test_points_that_are_not_finite_are_refused(ransac):
+    points = Ellipse([150, 120], [60, 35], 0.5).points(50)
+    points[7, 0] = np.nan
+    with pytest.raises(ValueError, match="points_px: expected"):
+        ransac(points, np.random.default_rng(0))

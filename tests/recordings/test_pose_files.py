@@ -1,0 +1,135 @@
+"""Laws of trajectory and estimate files."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from lmmap.recordings.pose_files import (
+    read_estimates,
+    read_trajectory,
+    trajectory_of,
+    write_estimates,
+    write_trajectory,
+)
+from lmmap.types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
+
+
+def poses(rng, *shape) -> Pose:
+    rotations = Rotation.random(int(np.prod(shape)), rng=rng).as_matrix()
+    return Pose(rotations.reshape(*shape, 3, 3), rng.normal(size=(*shape, 3)))
+
+
+def assert_same_pose(a: Pose, b: Pose):
+    np.testing.assert_allclose(a.rotation, b.rotation, atol=1e-9)
+    np.testing.assert_allclose(a.position_m, b.position_m, atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32), st.integers(0, 20), st.integers(0, 2 * 10**15), st.sampled_from(["csv", "tum"]))
+def test_trajectory_round_trip(tmp_path_factory, seed, count, start_us, form):
+    rng = np.random.default_rng(seed)
+    original = Trajectory(start_us + np.cumsum(rng.integers(1, 10**5, count)), poses(rng, count))
+    path = tmp_path_factory.mktemp("t") / ("t.tum" if form == "tum" else "t.csv")
+    write_trajectory(original, path, form)
+    back = read_trajectory(path)
+    np.testing.assert_array_equal(back.t_us, original.t_us)
+    assert_same_pose(back.T_cam_port, original.T_cam_port)
+
+
+def test_tum_is_the_camera_in_the_ports_frame(tmp_path):
+    """By hand: a port 2 m ahead, facing us (turned by 180 deg about x): the camera is at z = 2 m of it."""
+    T_cam_port = Pose([np.diag([1.0, -1, -1])], [[0, 0, 2.0]])
+    write_trajectory(Trajectory([1_500_000], T_cam_port), tmp_path / "t.tum", "tum")
+    values = [float(v) for v in (tmp_path / "t.tum").read_text().split()]
+    np.testing.assert_allclose(np.abs(values), [1.5, 0, 0, 2, 1, 0, 0, 0], atol=1e-12)
+    assert values[3] == 2
+
+
+def estimates(seed) -> list[Estimate]:
+    rng = np.random.default_rng(seed)
+    a, b, c = (poses(rng) for _ in range(3))
+    root = rng.normal(size=(6, 6)) * [1e-3, 1e-3, 1e-2, 0.1, 0.1, 0.01]
+    ellipse = Ellipse(rng.uniform(0, 300, 2), np.sort(rng.uniform(10, 90, 2))[::-1], rng.uniform(0, 3))
+    return [
+        Estimate(5, Status.NO_RING),
+        Estimate(10**15, Status.OK, a, b, c, ellipse, *rng.random(5), covariance=root @ root.T),
+        Estimate(10**15 + 7, Status.OK, b),
+        Estimate(10**15 + 9, Status.NO_MARKERS, ellipse=ellipse, arc_coverage=0.75),
+    ]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32))
+def test_estimates_round_trip(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("e") / "poses.csv"
+    original = estimates(seed)
+    write_estimates(original, path)
+    back = read_estimates(path)
+    for a, b in zip(original, back, strict=True):
+        assert (a.t_us, a.status) == (b.t_us, b.status)
+        for name in ("T_cam_port", "rival", "paper"):
+            assert (getattr(a, name) is None) == (getattr(b, name) is None)
+            if getattr(a, name) is not None:
+                assert_same_pose(getattr(a, name), getattr(b, name))
+        assert (a.covariance is None) == (b.covariance is None)
+        if a.covariance is not None:
+            np.testing.assert_allclose(b.covariance, a.covariance, rtol=1e-7)
+        assert (a.ellipse is None) == (b.ellipse is None)
+        if a.ellipse is not None:
+            np.testing.assert_allclose(a.ellipse.points(5), b.ellipse.points(5), atol=1e-4)
+        np.testing.assert_allclose(
+            [a.arc_coverage, a.marker_score, a.rival_score, a.margin, a.tilt_sigmas],
+            [b.arc_coverage, b.marker_score, b.rival_score, b.margin, b.tilt_sigmas],
+            atol=1e-5,
+        )
+
+
+def test_first_columns_of_poses_csv(tmp_path):
+    write_estimates(estimates(0), tmp_path / "poses.csv")
+    head, first, *_ = (tmp_path / "poses.csv").read_text().splitlines()
+    assert head.startswith("t_us,status,x_m,y_m,z_m,qx,qy,qz,qw,arc_coverage,marker_score,rival_score")
+    assert first.startswith("5,no_ring,,,,,,,,0,0,0")
+
+
+def test_trajectory_of_keeps_the_poses(tmp_path):
+    found = trajectory_of(estimates(3))
+    assert found.t_us.tolist() == [10**15, 10**15 + 7]
+    assert_same_pose(found.T_cam_port[0], estimates(3)[1].T_cam_port)
+    assert len(trajectory_of([])) == 0
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("", "no column t_us"),
+        ("a,b\n1,2\n", "no column t_us"),
+        ("t_us,x_m,y_m,z_m,qx,qy,qz,qw\n1,2,3\n", "different length"),
+        ("t_us,x_m,y_m,z_m,qx,qy,qz,qw\n1,0,0,nan,0,0,0,1\n", "not finite"),
+        ("t_us,x_m,y_m,z_m,qx,qy,qz,qw\n1,0,0,1,0,0,0,2\n", "unit length"),
+        ("t_us,x_m,y_m,z_m,qx,qy,qz,qw\n1,0,0,1,0,0,0,1\n1,0,0,1,0,0,0,1\n", "increase"),
+        ("t_us,x_m,y_m,z_m,qx,qy,qz,qw\none,0,0,1,0,0,0,1\n", "one"),
+    ],
+)
+def test_bad_trajectories_are_named(tmp_path, text, words):
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        read_trajectory(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_bad_tables_and_absent_files(tmp_path):
+    (tmp_path / "e.csv").write_text("t_us,status\n1,ok\n")
+    (tmp_path / "t.tum").write_text("1.0 2 3\n")
+    for read, name in (
+        (read_estimates, "e.csv"),
+        (read_estimates, "x"),
+        (read_trajectory, "t.tum"),
+        (read_trajectory, "x.csv"),
+    ):
+        with pytest.raises(InputError, match=name):
+            read(tmp_path / name)
+    with pytest.raises(ValueError, match="format"):
+        write_trajectory(trajectory_of([]), tmp_path / "t", "bag")

@@ -1,0 +1,72 @@
+"""Laws of the journal: it holds what `write_estimates` or `write_trajectory` would, and goes on anywhere."""
+
+import numpy as np
+import pytest
+from conftest import facing_pose
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lmmap.recordings.pose_files import trajectory_of, write_estimates, write_trajectory
+from lmmap.recordings.resumable import Journal
+from lmmap.types import Estimate, InputError, Status
+
+
+def some_estimates(count: int, seed: int) -> list[Estimate]:
+    rng = np.random.default_rng(seed)
+    poses = [facing_pose(*rng.uniform(0, 1, 3), rng.uniform(0.1, 1, 3)) for _ in range(count)]
+    t_us = np.cumsum(rng.integers(1, 10**6, count)) + 1_600_000_000_000_000
+    answers = [(Status.OK, T) if rng.random() < 0.7 else (Status.NO_RING, None) for T in poses]
+    return [Estimate(int(t), status, T) for t, (status, T) in zip(t_us, answers, strict=True)]
+
+
+def write_whole(estimates, path, form):
+    if form == "csv":
+        write_estimates(estimates, path)
+    else:
+        write_trajectory(trajectory_of(estimates), path, "tum")
+
+
+@given(st.integers(1, 12), st.integers(0, 99), st.sampled_from(["csv", "tum"]), st.data())
+def test_cut_anywhere_and_resumed_it_is_the_whole_file(tmp_path_factory, count, seed, form, data):
+    folder = tmp_path_factory.mktemp("journal")
+    estimates = some_estimates(count, seed)
+    write_whole(estimates, folder / "whole", form)
+    whole = (folder / "whole").read_bytes()
+    (folder / "cut").write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
+    with Journal(folder / "cut", form, resume=True) as journal:
+        for e in estimates:
+            if not journal.has(e.t_us + 1, e.t_us):  # it might have been estimated at another time
+                journal.add(e)
+    assert (folder / "cut").read_bytes() == whole
+
+
+def test_each_estimate_is_on_disk_when_added(tmp_path):
+    estimates = some_estimates(5, 0)
+    with Journal(tmp_path / "p.csv") as journal:
+        assert not (tmp_path / "p.csv").exists()
+        for k, e in enumerate(estimates):
+            journal.add(e)
+            assert (tmp_path / "p.csv").read_text().count("\n") == k + 2
+    assert journal.statuses == [str(e.status) for e in estimates]
+
+
+def test_a_file_is_replaced_by_the_first_estimate_and_not_before(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("old\n")
+    with Journal(path) as journal:
+        assert path.read_text() == "old\n"
+        journal.add(some_estimates(1, 0)[0])
+    assert path.read_text().startswith("t_us,status,")
+
+
+def test_what_cannot_be_gone_on_with(tmp_path):
+    (tmp_path / "p.csv").write_text("time,pose\n1,2\n")
+    with pytest.raises(InputError, match=r"p\.csv: has other columns"):
+        Journal(tmp_path / "p.csv", resume=True)
+    write_estimates(some_estimates(3, 1), tmp_path / "p.csv")
+    with Journal(tmp_path / "p.csv", resume=True) as journal, pytest.raises(InputError, match="other images"):
+        journal.has(1_600_000_000_000_000)
+    with pytest.raises(InputError, match="no folder"):
+        Journal(tmp_path / "no" / "p.csv")
+    with pytest.raises(ValueError, match="format"):
+        Journal(tmp_path / "p.csv", "json")

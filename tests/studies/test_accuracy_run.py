@@ -1,0 +1,199 @@
+"""The study on made-up estimates: it goes on where it stopped, ends, and has every table."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import facing_pose
+
+from lmmap import provenance
+from lmmap.recordings.pose_files import write_estimates
+from lmmap.studies import accuracy_run, accuracy_tables
+from lmmap.studies.archive import pack, unpack
+from lmmap.studies.pose_errors import compare
+from lmmap.types import Camera, Ellipse, Estimate, InputError, Pose, Recording, Status, Trajectory
+
+T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
+OFF = [Pose(T.rotation, T.position_m + np.array([1e-3 * k, 0, 0])) for k in range(3)]
+SPREAD = np.diag([1e-3] * 3 + [1e-2] * 3) ** 2
+
+
+def recorded(name, seconds, folder, report):
+    t_us = np.arange(0, 3_000_001, 100_000)
+    truth = Trajectory(t_us, Pose(np.repeat(T.rotation[None], 31, 0), np.repeat(T.position_m[None], 31, 0)))
+    frames = np.full((2, 260, 346, 3), 128 * name.endswith("1"), np.uint8)
+    times_us = np.array([0, 50_000])
+    return Recording(
+        name, Camera.davis346(), np.empty(0), frames, times_us, None if "empty" in name else truth
+    )
+
+
+class Estimates:
+    """Stands for `study._estimates`: good poses where there is a port, written and counted."""
+
+    def __init__(self, stop_at=None):
+        self.made, self.stop_at = [], stop_at
+
+    def __call__(self, recording, modality, gap, rate_hz, folder, report):
+        name = accuracy_run.label(recording.name, modality, gap)
+        if name == self.stop_at:
+            raise KeyboardInterrupt
+        self.made.append(name)
+        ellipse = Ellipse([170, 130], [40, 38], 0.1)
+        port, turn = recording.truth is not None, len(recording.name) % 3
+        off = OFF[turn:] + OFF[:turn]
+        found = [
+            Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD) if port
+            else Estimate(100_000 * k, Status.NO_RING)
+            for k in range(30)
+        ]  # fmt: skip
+        write_estimates(found, folder / f"estimates-{name}.csv")
+        return found
+
+
+@pytest.fixture
+def quick(tmp_path, monkeypatch):
+    monkeypatch.setattr(accuracy_run, "DERIVED", tmp_path)
+    monkeypatch.setattr(accuracy_run, "recorded", recorded)
+    monkeypatch.setattr(accuracy_tables, "DRAWS", 50)
+    fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
+                        "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
+    monkeypatch.setattr(
+        accuracy_run,
+        "filter_quality",
+        lambda recording, gaps: fit.merge(pd.Series(gaps, name="domain_gap"), how="cross"),
+    )
+    return tmp_path / "quick"
+
+
+def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkeypatch):
+    first = Estimates(stop_at="test-high-rgb")
+    monkeypatch.setattr(accuracy_run, "_estimates", first)
+    with pytest.raises(KeyboardInterrupt):
+        accuracy_run.reproduce("quick", lambda line: None)
+    assert not (quick / "summary.csv").exists()
+    second, lines = Estimates(), []
+    monkeypatch.setattr(accuracy_run, "_estimates", second)
+    accuracy_run.reproduce("quick", lines.append)
+    assert lines == ["test-low: up to date", "test-medium: up to date"]
+    assert not [n for n in second.made if n.startswith(("test-low", "test-medium"))]
+
+    cells = compare(quick)
+    assert len(cells) == 192 and cells.notna().all(axis=None)
+    errors = cells[cells.metric == "position_error_m"]
+    assert errors.ours.between(0, 2e-3).all() and errors.printed.eq(0).all()
+    assert (errors.ours_low <= errors.ours + 1e-12).all() and (errors.ours <= errors.ours_high + 1e-12).all()
+    counts = pd.read_csv(quick / "counts.csv").set_index(["sequence", "modality"])
+    assert len(counts) == 3 * len(accuracy_run.sequences_of("quick"))
+    assert counts.loc[("test-low", "rgb"), "position_error_m"] == pytest.approx(1e-3)
+    assert counts.loc[("empty-0", "fused"), "poses"] == 0 < counts.loc[("hard-slow", "fused"), "poses"]
+    assert len(pd.read_csv(quick / "coverage.csv")) == 18
+    assert len(pd.read_csv(quick / "distribution.csv")) == 18 * 101
+    answers = pd.read_csv(quick / "answers.csv")
+    assert set(answers.status) == {"ok"} and (answers.in_view == 30).all() and len(answers) == 18
+    assert len(pd.read_csv(quick / "fusion.csv")) == 6 * 3
+    fits = pd.read_csv(quick / "filters.csv")
+    assert (
+        len(fits) == 3 * len(accuracy_run.shipped_gaps())
+        and (fits.iou == 1).all()
+        and (fits.images == 1).all()
+    )
+    assert pd.read_csv(quick / "claims.csv").verdict.notna().all()
+
+    third = Estimates()
+    monkeypatch.setattr(accuracy_run, "_estimates", third)
+    before = (quick / "summary.csv").stat().st_mtime_ns
+    accuracy_run.reproduce("quick", lines.append)
+    assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
+
+
+@pytest.fixture
+def paper(quick, monkeypatch):
+    monkeypatch.setattr(accuracy_run, "PUBLISHED", quick.parent / "published")
+    monkeypatch.setattr(accuracy_run, "_estimates", Estimates())
+    accuracy_run.reproduce("paper", print, pictures=picture)
+    return accuracy_run.PUBLISHED
+
+
+def picture(recording, folder, labels, rate_hz):
+    path = folder / f"picture-{recording.name}.jpg"
+    path.write_text(" ".join(labels))
+    return [path]
+
+
+def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, monkeypatch):
+    assert sorted(p.stem for p in (paper / "sequences").glob("*")) == sorted(
+        accuracy_run.sequences_of("paper")
+    )
+    tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
+    assert len(tables) == 12
+    other, left, lines = quick.parent / "other", Estimates(), []
+    monkeypatch.setattr(accuracy_run, "DERIVED", other)
+    monkeypatch.setattr(accuracy_run, "_estimates", left)
+    (paper / "sequences" / "test-low-1.zip").unlink()
+    assert accuracy_run.reproduce("paper", lines.append, pictures=picture, go_on=True)
+    assert {name.split("-rgb")[0].split("-event")[0] for name in left.made} == {"test-low-1"}
+    assert {p.name: p.read_text() for p in paper.glob("*.csv")} == tables
+    assert (other / "paper" / "picture-empty-0.jpg").read_text() == "empty-0-rgb empty-0-event"
+    assert not (other / "paper" / "picture-hard-slow.jpg").exists()
+    assert not accuracy_run.reproduce("paper", lines.append, go_on=True)
+
+
+def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, quick, monkeypatch):
+    made = Estimates()
+    monkeypatch.setattr(accuracy_run, "_estimates", made)
+    accuracy_run.reproduce("paper", print)
+    assert not made.made  # in the folder all is up to date
+    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "repeated")
+    accuracy_run.reproduce("paper", print)
+    everything = len(made.made)
+    assert everything == 9 * 4 + (2 + 3) * 2
+    monkeypatch.setattr(accuracy_run, "OF_RESULTS", ["lmmap/types.py"])
+    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "changed")
+    accuracy_run.reproduce("paper", print, go_on=True)
+    assert len(made.made) == 2 * everything
+
+
+def test_damaged_packed_results_are_one_clear_error(paper, quick, monkeypatch):
+    path = paper / "sequences" / "test-low.zip"
+    path.write_bytes(path.read_bytes()[:200])
+    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "other")
+    with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
+        accuracy_run.reproduce("paper", print, go_on=True)
+
+
+def test_equal_results_pack_to_equal_bytes(tmp_path):
+    files = [tmp_path / name for name in ("b.csv", "a.csv")]
+    for file in files:
+        file.write_text(f"of {file.name}")
+    first = pack(tmp_path / "x.zip", files, tmp_path, "mark").read_bytes()
+    assert pack(tmp_path / "y.zip", files[::-1], tmp_path, "mark").read_bytes() == first
+    assert unpack(tmp_path / "y.zip", tmp_path / "out", "mark")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a.csv", "b.csv"]
+    assert not unpack(tmp_path / "y.zip", tmp_path / "none", "another")
+    assert not unpack(tmp_path / "z.zip", tmp_path / "none", "mark") and not (tmp_path / "none").exists()
+
+
+def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch):
+    root, made = tmp_path / "root", []
+    weights = [root / "data" / "weights" / f"ring-event-{gap}.safetensors" for gap in ("low", "robust")]
+    weights[0].parent.mkdir(parents=True)
+    monkeypatch.setattr(provenance, "ROOT", root)
+    monkeypatch.setattr(accuracy_run, "Estimator", lambda camera, port, modality, gap: made.append(gap))
+    monkeypatch.setattr(accuracy_run, "estimate", lambda *_: [Estimate(0, Status.NO_RING)])
+    seen = recorded("test-low", 3, tmp_path, None)
+
+    def count():
+        accuracy_run._estimates(seen, "event", "low", 10.0, tmp_path, lambda line: None)
+        return len(made)
+
+    assert [count(), count()] == [1, 1]
+    weights[1].write_text("another robust set")
+    assert count() == 1
+    weights[0].write_text("another low gap's set")
+    assert count() == 2
+
+
+def test_the_paper_profile_has_three_of_each():
+    names = accuracy_run.sequences_of("paper")
+    assert len(names) == len(set(names)) == 9 + 2 + 3
+    assert set(accuracy_run.sequences_of("quick")) < set(names)

@@ -1,0 +1,133 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import rigid_poses
+
+from lmmap.types import Camera, Ellipse, InputError, Port, Pose, Trajectory
+
+
+@given(rigid_poses())
+def test_a_pose_times_its_inverse_is_the_identity(T):
+    for product in (T @ T.inverse, T.inverse @ T):
+        np.testing.assert_allclose(product.rotation, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(product.position_m, 0, atol=1e-12)
+
+
+@given(rigid_poses(), rigid_poses(), st.tuples(*[st.floats(-5, 5)] * 3))
+def test_composition_acts_as_one_after_the_other(T_a_b, T_b_c, p_c):
+    np.testing.assert_allclose((T_a_b @ T_b_c) @ np.array(p_c), T_a_b @ (T_b_c @ np.array(p_c)), atol=1e-12)
+
+
+def test_batches_of_poses_compose_like_single_ones():
+    rng = np.random.default_rng(0)
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    batch = Pose(np.stack([np.eye(3), turn]), rng.normal(size=(2, 3)))
+    points = rng.normal(size=(2, 3))
+    for k in range(2):
+        np.testing.assert_array_equal((batch @ points)[k], batch[k] @ points[k])
+        np.testing.assert_allclose((batch @ batch).position_m[k], (batch[k] @ batch[k]).position_m)
+
+
+def test_arrays_inside_the_dataclasses_are_copies_and_read_only():
+    position = np.zeros(3)
+    T = Pose(np.eye(3), position)
+    position[0] = 1
+    assert T.position_m[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        T.position_m[0] = 1
+
+
+def test_the_quaternion_of_a_quarter_turn_about_z():
+    T = Pose(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.zeros(3))
+    np.testing.assert_allclose(T.quaternion_xyzw, [0, 0, np.sqrt(0.5), np.sqrt(0.5)])
+
+
+def test_trajectories_interpolate_half_way_and_refuse_to_extrapolate():
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    path = Trajectory([0, 100], Pose(np.stack([np.eye(3), turn]), [[0, 0, 1], [2, 0, 1]]))
+    middle = path.at([50])
+    np.testing.assert_allclose(middle.position_m, [[1, 0, 1]])
+    np.testing.assert_allclose(middle.rotation[0, :2, 0], [np.sqrt(0.5), np.sqrt(0.5)])
+    with pytest.raises(ValueError, match="outside"):
+        path.at([101])
+
+
+def test_trajectories_refuse_times_that_do_not_increase():
+    poses = Pose(np.stack([np.eye(3)] * 2), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="increase"):
+        Trajectory([5, 5], poses)
+    with pytest.raises(ValueError, match="3 times but 2 poses"):
+        Trajectory([1, 2, 3], poses)
+
+
+def test_ellipse_points_reach_the_ends_of_the_axes():
+    points = Ellipse([10, 20], [4, 2], np.pi / 2).points(4)
+    np.testing.assert_allclose(points, [[10, 24], [8, 20], [10, 16], [12, 20]], atol=1e-12)
+
+
+def test_camera_and_port_survive_the_round_trip_through_their_files(tmp_path):
+    camera = Camera(640, 480, 500.0, 501.0, 320.5, 239.5, (0.1, -0.2, 0.0, 0.001))
+    for instance in (camera, Camera.davis346(), Port.lm_map()):
+        instance.save(tmp_path / "x.json")
+        assert type(instance).load(tmp_path / "x.json") == instance
+
+
+ROS = """image_width: 346
+image_height: 260
+camera_name: davis
+camera_matrix: {rows: 3, cols: 3, data: [324.0, 0, 172.5, 0, 325.0, 129.5, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.3, 0.1, 0.0, 0.0, 0.0]}
+"""
+OPENCV = """%YAML:1.0
+---
+image_width: 346
+image_height: 260
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 324., 0., 172.5, 0., 325., 129.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.3, 0.1, 0., 0., 0. ]
+"""
+
+
+@pytest.mark.parametrize("text", [ROS, OPENCV], ids=["ros", "opencv"])
+def test_cameras_load_from_calibration_yaml(tmp_path, text):
+    (tmp_path / "camera.yaml").write_text(text)
+    expected = Camera(346, 260, 324.0, 325.0, 172.5, 129.5, (-0.3, 0.1, 0.0, 0.0, 0.0))
+    assert Camera.load(tmp_path / "camera.yaml") == expected
+
+
+@pytest.mark.parametrize("text", ["", "hello", "[1, 2]", "{}", '{"width_px": 346}', "\x00"])
+@pytest.mark.parametrize("load", [Camera.load, Port.load])
+@pytest.mark.parametrize("suffix", [".json", ".yaml"])
+def test_bad_files_are_one_line_that_names_the_file(tmp_path, text, load, suffix):
+    path = tmp_path / f"bad{suffix}"
+    path.write_text(text)
+    with pytest.raises(InputError, match="bad") as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_camera_with_nonsense_in_it_is_refused(tmp_path):
+    values = json.loads('{"width_px": 346, "height_px": 260, "fy_px": 1, "cx_px": 1, "cy_px": 1}')
+    for focal in (-1.0, 0.0, float("nan")):
+        with pytest.raises(ValueError, match="Camera"):
+            Camera(fx_px=focal, **values)
+
+
+def test_markers_repeat_with_the_symmetry_and_have_their_size():
+    port = Port.lm_map()
+    corners = port.marker_corners_m()
+    assert corners.shape == (3, 4, 3)
+    sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1)
+    np.testing.assert_allclose(sides, [[0.0164, 0.0509, 0.0164]] * 3)
+    np.testing.assert_allclose(corners.mean(1)[0], [port.marker_radius_m, 0, port.plate_height_m], atol=1e-15)
+    np.testing.assert_allclose(corners.mean((0, 1)), [0, 0, port.plate_height_m], atol=1e-15)

@@ -1,0 +1,95 @@
+"""Nothing is tuned on what it is tested with: constants come from sequences that neither train nor test."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import calibrate_uncertainty
+import choose_look
+import choose_thresholds
+import pandas as pd
+import pytest
+import tune_fusion
+import validation_world
+
+from lmmap.bench import photometry
+from lmmap.bench.laboratory import sequence
+from lmmap.pipeline import ellipse
+from lmmap.pipeline.histograms import WIDER
+from lmmap.provenance import DATA, load_json
+from lmmap.studies import accuracy_run
+from lmmap.tracking.motion_model import Motion
+from lmmap.training import dataset
+from lmmap.types import PAPER
+
+TUNED_ON = {
+    "tuning/tune_fusion.py": tune_fusion.SEQUENCES,
+    "tuning/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
+    "tuning/choose_thresholds.py": [*choose_thresholds.SEQUENCES, *choose_thresholds.EMPTY],
+    "tuning/choose_look.py": choose_look.SEQUENCES,
+    "tuning/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
+    "lmmap photometry": photometry.TRAJECTORIES,
+    "filters": [name for names in dataset.SETS.values() for name in names],
+}
+FUSION = DATA / "results" / "fusion"
+
+
+@pytest.mark.parametrize("names", TUNED_ON.values(), ids=TUNED_ON)
+def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
+    assert all(name.startswith(("realistic-", "augmented-", "empty-1")) for name in names)
+    judged = {name for profile in ("quick", "paper") for name in accuracy_run.sequences_of(profile)}
+    assert all(name.startswith(("test-", "hard-", "empty-")) for name in judged)
+    assert not judged & set(names)
+
+
+def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
+    trained = set(TUNED_ON["filters"])
+    assert not trained & {*tune_fusion.SEQUENCES, *calibrate_uncertainty.SEQUENCES}
+
+
+def test_no_two_choices_are_made_on_the_same_sequences():
+    """What the robust set is judged on neither trains the filters nor tunes anything else."""
+    reserved = TUNED_ON["tuning/validate_robust.py"]
+    others = [name for user, names in TUNED_ON.items() if names is not reserved for name in names]
+    assert len(set(reserved)) == len(reserved)
+    assert not set(reserved) & set(others)
+
+
+def test_training_and_test_move_differently():
+    """Sequences of other names have other motions; the three tests share theirs."""
+    drawn = {
+        name: tuple(sequence(name).rng("motion").uniform(size=4))
+        for name in (*tune_fusion.SEQUENCES, *accuracy_run.sequences_of("paper"))
+    }
+    for k in ("", "-1", "-2"):  # a trajectory under three lights
+        assert len({drawn[f"test-{light}{k}"] for light in ("low", "medium", "high")}) == 1
+    assert len(set(drawn.values())) == len(drawn) - 3 * 2
+
+
+def test_the_constants_are_the_scripts_choice():
+    """The committed grid's row by the rule, and the committed choices, are what the module holds."""
+    grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
+    best = tune_fusion.choice(grid)
+    assert asdict(Motion()) == pytest.approx(choices["motion"])
+    for name in ("acceleration_m", "acceleration_rad", "correlation_s"):
+        assert getattr(Motion(), name) == best[name]
+    assert Path(FUSION / "grid.provenance.json").exists()
+
+
+def test_of_honest_settings_the_best_is_chosen():
+    grid = pd.DataFrame({"score": [3.0, 2.5, 2.8, 2.9], "inside_95_percent": [90.0, 95.0, 94.2, 97.5],
+                         "chance": [1.0, 1.0, 1.0, 2.0]})  # fmt: skip
+    assert tune_fusion.choice(grid).score == 2.8
+    assert tune_fusion.choice(grid.assign(chance=0.0)).score == 2.5
+    assert tune_fusion.choice(grid.drop(index=[1, 2, 3])).score == 3.0
+
+
+def test_the_second_look_is_the_scripts_choice():
+    looks = pd.read_csv(DATA / "results" / "looks.csv").query("factor > 1")
+    right = looks.groupby("factor").right.sum()
+    assert set(right.index) == set(choose_look.FACTORS) - {1.0} and right.idxmax() == WIDER
+
+
+def test_the_thresholds_are_the_scripts_choice():
+    best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
+    assert tuple(best[list(choose_thresholds.NAMES)]) == choose_thresholds.PRESENT
+    assert (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score) == choose_thresholds.PRESENT

@@ -1,0 +1,113 @@
+"""Chooses the pipeline's thresholds, on sequences that neither train nor test anything.
+
+    python tuning/choose_thresholds.py
+
+``core.Settings.mask_threshold``, ``ellipse.SURE`` and ``core.Settings.min_marker_score``: for each of their
+values (the first two one at a time), how many images with the ring in view get a pose, how many of these
+poses are wrong, and how many images without a port get one.  The thresholds stay as they are while they give
+no pose without a port, and no others give more right less wrong poses, of both modalities together, than
+chance would.  The table is kept in data/results/thresholds.csv, the recordings in data/derived/calibration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from calibrate_uncertainty import RATE_HZ, recording
+from tqdm import tqdm
+
+from lmmap.geometry.projection import in_view
+from lmmap.pipeline import ellipse, yaw
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.run import images
+from lmmap.provenance import DATA, save_table
+from lmmap.refinement.contour import Contour
+from lmmap.studies.metrics import normal_error_rad, position_error_m, rotation_error_rad
+from lmmap.tracking.outliers import RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD
+from lmmap.types import PAPER, Port, Pose
+
+SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
+EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
+MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
+CUTS = [(threshold, ellipse.SURE) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + [
+    (PAPER.mask_threshold, sure) for sure in (0.0, 0.7, 0.8, 0.95)
+]  # of the mask: threshold, and what a blob must reach
+PRESENT = (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
+CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
+NAMES = ("mask_threshold", "sure", "min_marker_score")
+
+
+def shots(estimator: Estimator):
+    """``(sequence, image, true pose or None)`` of what has a ring in view, or no port."""
+    for name in [*SEQUENCES, *EMPTY]:
+        seen, port = recording(name), not name.startswith("empty")
+        for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
+            truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0] if port else None
+            if truth is None or in_view(truth, estimator.port, seen.camera):
+                yield name, image, truth
+
+
+def right(T: Pose, truth: Pose, port: Port) -> bool:
+    return bool(
+        position_error_m(T, truth) < RIGHT_M
+        and normal_error_rad(T, truth) < RIGHT_RAD
+        and rotation_error_rad(T, truth, port.yaw_period_rad) < RIGHT_ROTATION_RAD
+    )
+
+
+def answers(estimator: Estimator, image, truth) -> list[dict]:
+    """The outcome with each threshold of the masks, and the markers' score that decides."""
+    rows, ring_mask = [], estimator.ring_filter(image)
+    for threshold, sure in CUTS:
+        estimator.settings, ellipse.SURE = replace(PAPER, mask_threshold=threshold), sure
+        ring, _ = estimator.find_ring(ring_mask)
+        row = {"mask_threshold": threshold, "sure": sure, "score": -1.0, "right": False}
+        if isinstance(ring, Contour):
+            candidates = estimator.candidates(ring.ellipse)
+            reflectors = estimator.find_reflectors(image, candidates)
+            fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, estimator.camera)
+            T = fit.T_cam_port
+            row |= {"score": fit.score, "right": truth is not None and right(T, truth, estimator.port)}
+        rows.append({**row, "portless": truth is None})
+    return rows
+
+
+def outcomes(modality: str) -> pd.DataFrame:
+    """Counts by thresholds."""
+    estimator = Estimator(modality=modality)
+    every = [row for _, image, truth in tqdm(list(shots(estimator)), modality)
+             for row in answers(estimator, image, truth)]  # fmt: skip
+    table, counted = pd.DataFrame(every), []
+    for least in MIN_MARKER_SCORES:
+        posed = table.assign(pose=table.score >= least, min_marker_score=least)
+        posed = posed.assign(
+            images=~posed.portless,
+            right=posed.pose & posed.right,
+            wrong=posed.pose & ~posed.portless & ~posed.right,
+            false=posed.pose & posed.portless,
+        )
+        counted.append(posed.groupby(list(NAMES))[["images", "right", "wrong", "portless", "false"]].sum())
+    return pd.concat(counted).reset_index().assign(modality=modality)
+
+
+def choice(table: pd.DataFrame) -> pd.Series:
+    """The thresholds as they are, or those that are better by more than chance."""
+    both = table.groupby(list(NAMES))[["images", "right", "wrong", "false"]].sum().reset_index()
+    both["score"] = (both.right - both.wrong) / both.images
+    some = both[both.false == both.false.min()].sort_values("score", ascending=False)
+    ours = some[np.isclose(some[list(NAMES)], PRESENT).all(1)]
+    tie = len(ours) and ours.score.iloc[0] >= some.score.iloc[0] - CHANCE
+    return (ours if tie else some).iloc[0]
+
+
+def main() -> None:
+    table = pd.concat([outcomes(modality) for modality in ("rgb", "event")], ignore_index=True)
+    print(table.to_string())
+    print(choice(table).to_string())
+    save_table(DATA / "results" / "thresholds.csv", table, sequences=[*SEQUENCES, *EMPTY])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""What the robust set's variations are worth, on materials that nothing was trained on.
+
+    python tuning/validate_robust.py               # images, and every shipped set on every condition
+    python tuning/validate_robust.py --choices     # also short trainings without each variation
+
+Images come from `validation_world`, conditions from `validation_conditions`.  data/results/robust.csv: each
+set of weights under each condition.  data/results/robust-choices.csv: ring filters trained on from the low
+set for ``STEPS`` steps, with all variations, without each one, without any; all draw the same crops.  What
+two seeds differ in is the yardstick.  Images, trained filters and their scores are kept in
+data/derived/validation, so that an interrupted run goes on; remove that folder after changing any of this.
+"""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import ExitStack, contextmanager
+from unittest import mock
+
+import numpy as np
+import pandas as pd
+import validation_world as world
+from validation_conditions import CONDITIONS, cases
+
+from lmmap.geometry.projection import circle_ellipse
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.network import CHANNELS, load_card, load_filter, shipped_gaps, weight_path
+from lmmap.provenance import DATA, DERIVED, load_table, save_table
+from lmmap.refinement.contour import Contour
+from lmmap.training import augment, dataset, train
+from lmmap.training.mask_quality import iou
+from lmmap.training.recipe import Recipe
+
+STEPS = 100
+NEAR_PX, NEAR_SIZE = 2.0, 0.05  # of the centre and, relative, of the axes: an ellipse that is the ring's
+VARIATIONS = {
+    "rgb": ("clutter", "seams", "tint", "expose", "blur", "noise", "hot_pixels", "compress"),
+    "event": ("clutter", "seams", "thin", "noise_events", "hot_pixels", "N"),
+}
+
+
+def is_ring(found, T) -> bool:
+    """Whether `Estimator.find_ring` found an ellipse, and the true one."""
+    if not isinstance(found, Contour):
+        return False
+    true = circle_ellipse(T, world.PORT.ring_radius_m, world.CAMERA)
+    away_px = np.linalg.norm(found.ellipse.centre_px - true.centre_px)
+    return bool(
+        away_px < NEAR_PX and np.allclose(found.ellipse.semi_axes_px, true.semi_axes_px, rtol=NEAR_SIZE)
+    )
+
+
+def scores(modality: str, estimator: Estimator, ring_filter=None, reflectors=True) -> list[dict]:
+    """A row a condition and filter: mean IoU, and in how many images the ring's ellipse is found."""
+    rows, cut = [], estimator.settings.mask_threshold
+    for name, condition in CONDITIONS[modality].items():
+        fits, found, marked = [], [], []
+        for image, (ring, markers), T in cases(condition):
+            mask = (ring_filter or estimator.ring_filter)(image)
+            fits.append(iou(mask > cut, ring))
+            found.append(is_ring(estimator.find_ring(mask)[0], T))
+            if reflectors:
+                marked.append(iou(estimator.find_reflectors(image, T[None]) > cut, markers))
+        row = {"modality": modality, "condition": name, "images": len(fits)}
+        rows.append(row | {"filter": "ring", "iou": np.mean(fits), "found_percent": 100 * np.mean(found)})
+        if reflectors:
+            rows.append(row | {"filter": "reflector", "iou": np.mean(marked)})
+    return rows
+
+
+def ignored(change):
+    """A variation that draws what it draws, and leaves things as they are; exposure as for the low set."""
+
+    def kept(image, *more):
+        out = change(image, *more)
+        return (image, more[0]) if isinstance(out, tuple) else image
+
+    return kept if change is not augment.expose else lambda frame, rng, *wide: change(frame, rng)
+
+
+@contextmanager
+def without(names):
+    """Training without these variations, the random numbers being the same."""
+    with ExitStack() as stack:
+        for name in names:
+            what, value = (name, None) if name != "N" else ("HISTOGRAM_EVENTS", (1.0, 1.0))
+            stack.enter_context(mock.patch.object(augment, what, value or ignored(getattr(augment, name))))
+        yield
+
+
+def variants(modality: str) -> dict[str, tuple[tuple, int]]:
+    """What is left out, and the seed."""
+    every = VARIATIONS[modality]
+    return {"nothing": ((), 0), "nothing, seed 1": ((), 1), "everything": (every, 0),
+            **{name: ((name,), 0) for name in every}}  # fmt: skip
+
+
+def kept_as(modality: str, label: str, steps: int, suffix: str):
+    """Where a variant is kept: another start makes another one."""
+    start = load_card(weight_path("ring", modality, "low"))["sha256"][:8]
+    return world.FOLDER / "choices" / f"{modality}-{label}-{steps}-{start}{suffix}"
+
+
+def trained(modality: str, label: str, left_out, seed: int, steps: int):
+    """A ring filter trained on from the low set's, kept."""
+    links, names = world.FOLDER / "training", dataset.SETS["robust"]
+    kept = kept_as(modality, label, steps, ".safetensors")
+    if not kept.exists():
+        dataset.make(names, DERIVED / "training")
+        links.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            if not (links / name).exists():
+                (links / name).symlink_to(DERIVED / "training" / name)
+        for old in links.glob("*.ckpt.safetensors"):  # of another variant
+            old.unlink()
+        recipe = Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")
+        with without(left_out), mock.patch.object(train, "MOST_VALIDATED", 4):
+            train.train(recipe, links, lambda line: print(label, line), kept, names, every=steps)
+    return load_filter(kept, modality)
+
+
+def scored(modality: str, label: str, job, steps: int) -> pd.DataFrame:
+    """Scores of a variant, kept."""
+    kept = kept_as(modality, label, steps, ".csv")
+    if not kept.exists():
+        estimator = Estimator(modality=modality)
+        ring_filter = trained(modality, label, *job, steps) if job else estimator.ring_filter
+        rows = scores(modality, estimator, ring_filter, reflectors=False)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(rows).assign(left_out=label).to_csv(kept, index=False)
+    return pd.read_csv(kept)
+
+
+def choices(steps: int) -> None:
+    """Train and judge every variant; the table holds those done."""
+    tables = []
+    for modality in CHANNELS:
+        for label, job in {"not trained on": None, **variants(modality)}.items():
+            tables.append(scored(modality, label, job, steps))
+            print(f"{modality}, left out: {label}, IoU {tables[-1].iou.mean():.4f}", flush=True)
+            done = pd.concat(tables, ignore_index=True)
+            save_table(DATA / "results" / "robust-choices.csv", done, steps=steps, sequences=world.SEQUENCES,
+                       pictures=world.PICTURES)  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--choices", action="store_true", help="also train without each variation")
+    parser.add_argument("--steps", type=int, default=STEPS, help="of each of these trainings")
+    arguments = parser.parse_args()
+    world.make()
+    table = []
+    for gap in shipped_gaps():
+        for modality in CHANNELS:
+            rows = scores(modality, Estimator(modality=modality, weights=gap))
+            table += [{"domain_gap": gap, **row} for row in rows]
+            print(f"{gap}, {modality}: IoU {np.mean([row['iou'] for row in rows]):.3f}", flush=True)
+    path = save_table(DATA / "results" / "robust.csv", pd.DataFrame(table), sequences=world.SEQUENCES,
+                      pictures=world.PICTURES, near_px=NEAR_PX, near_size=NEAR_SIZE)  # fmt: skip
+    wide = load_table(path).pivot_table(
+        ["iou", "found_percent"], ["modality", "filter", "condition"], "domain_gap"
+    )
+    print(wide.round(2).to_string())
+    if arguments.choices:
+        choices(arguments.steps)
+
+
+if __name__ == "__main__":
+    main()
