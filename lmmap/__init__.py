@@ -1,27 +1,42 @@
-"""lmmap: pose of the LM-MAP docking port from an RGB or event camera, reproducibly."""
+"""lmmap: pose of the LM-MAP docking port from an RGB or event camera, reproducibly.
 
-import hashlib
-import os
-from pathlib import Path
+Each public name is imported when it is first used, so that ``import lmmap`` is immediate.
+"""
 
-# numba dates its cache by one file and not by those that it inlines: a folder for each state of the source
-_FOLDER = Path(__file__).parent
-_SOURCE = b"".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
-os.environ.setdefault(
-    "NUMBA_CACHE_DIR", str(_FOLDER / "__pycache__" / hashlib.sha256(_SOURCE).hexdigest()[:16])
-)
+import importlib
 
-from .pipeline import circle, ellipse, histograms  # noqa: E402
-from .recordings.formats import open_recording  # noqa: E402
-from .types import PAPER, Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory  # noqa: E402
-
-__all__ = ["PAPER", "Camera", "Ellipse", "Estimate", "Estimator", "InputError", "Port", "Pose", "Recording",
-           "Status", "Trajectory", "circle", "ellipse", "histograms", "open_recording"]  # fmt: skip
+_HOME = {
+    "Camera": "types",
+    "Ellipse": "types",
+    "Estimate": "types",
+    "InputError": "types",
+    "PAPER": "types",
+    "Port": "types",
+    "Pose": "types",
+    "Recording": "types",
+    "Status": "types",
+    "Trajectory": "types",
+    "Estimator": "pipeline.estimator",
+    "circle": "pipeline.circle",
+    "ellipse": "pipeline.ellipse",
+    "estimate": "pipeline.run",
+    "fuse": "tracking.fusion",
+    "histograms": "pipeline.histograms",
+    "open_recording": "recordings.formats",
+    "read_estimates": "recordings.formats",
+    "write_estimates": "recordings.formats",
+}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str):
-    if name == "Estimator":  # torch takes seconds to import, and only the estimator needs it
-        from .pipeline.estimator import Estimator
+    if name not in _HOME:
+        raise AttributeError(f"module 'lmmap' has no attribute {name!r}")
+    module = importlib.import_module(f"lmmap.{_HOME[name]}")
+    value = module if name == _HOME[name].split(".")[-1] else getattr(module, name)
+    globals()[name] = value
+    return value
 
-        return Estimator
-    raise AttributeError(f"module 'lmmap' has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

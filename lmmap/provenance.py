@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGE = ROOT / "lmmap"
-DATA = ROOT / "data"
-DERIVED = DATA / "derived"
+PACKAGE = Path(__file__).resolve().parent
+CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
+ROOT = PACKAGE.parent
+DATA = (ROOT if CHECKOUT else PACKAGE) / "data"  # a wheel carries its data inside the package
+DERIVED = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # beside the user's files, not the package's
 # all that a chapter's output depends on besides its own cells: of results tables and pictures, no archives
 OF_PAGES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
             "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
@@ -33,7 +34,7 @@ def profile() -> str:
 
 @cache
 def made_by(*modules: str) -> tuple[str, ...]:
-    """Source files of modules (``"pipeline.run"``) and of all that they import, relative to `ROOT`."""
+    """Source files of modules (``"pipeline.run"``) and of all that they import, relative to the checkout."""
     waiting, files = [PACKAGE.joinpath(*name.split(".")).with_suffix(".py") for name in modules], set()
     while waiting:
         path = waiting.pop()

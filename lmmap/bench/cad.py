@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from .compiler import njit
 from scipy.spatial.transform import Rotation
 
 from ..types import Port

@@ -11,7 +11,7 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from .compiler import njit
 
 from ..types import EVENT, Camera, frozen_array
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
+from .compiler import njit
 
 from ..geometry.projection import bearings
 from ..types import Camera, Pose

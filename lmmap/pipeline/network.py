@@ -22,6 +22,7 @@ from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional as F
 
+from ..provenance import DATA
 from ..types import InputError
 
 WIDTHS = (64, 128, 256)
@@ -33,7 +34,7 @@ FILTERS = ("ring", "reflector")
 DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
-WEIGHTS = Path(__file__).resolve().parents[2] / "data" / "weights"
+WEIGHTS = DATA / "weights"
 
 
 class FilterNet(nn.Module):
