@@ -19,7 +19,7 @@ PACKAGE = Path(__file__).resolve().parent
 CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
 ROOT = PACKAGE.parent
 DATA = (ROOT if CHECKOUT else PACKAGE) / "data"  # a wheel carries its data inside the package
-DERIVED = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # beside the user's files, not the package's
+DERIVED = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # all that a chapter's output depends on besides its own cells: of results tables and pictures, no archives
 OF_PAGES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
             "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",

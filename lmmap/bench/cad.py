@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from .compiler import njit
 from scipy.spatial.transform import Rotation
 
 from ..types import Port
+from .compiler import njit
 
 NOTHING, PANEL, RING, MARKER, PLATE, PETAL, BODY = range(7)
 PANEL_THICKNESS_M = 0.022

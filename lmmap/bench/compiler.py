@@ -1,7 +1,7 @@
 """Where the bench's compiled kernels are cached.
 
-A kernel inlines functions of other files, and numba dates its cache by one file only.  A cache folder for each
-state of the bench's source means that no kernel outlives an edit.
+A kernel inlines functions of other files, and numba dates its cache by one file only.  A cache folder for
+each state of the bench's source means that no kernel outlives an edit.
 """
 
 from __future__ import annotations

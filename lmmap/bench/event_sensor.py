@@ -11,9 +11,9 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
-from .compiler import njit
 
 from ..types import EVENT, Camera, frozen_array
+from .compiler import njit
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from .compiler import njit
 
 from ..geometry.projection import bearings
 from ..types import Camera, Pose
 from .cad import FAR_M, MARKER, NOTHING, PANEL, PETAL, PLATE, RING, Solid, hit_panel, hit_port
+from .compiler import njit
 
 RETRO_PEAK_SR = 12.0  # retro-reflected radiance per irradiance, lamp and eye in line
 RETRO_WIDTH_RAD = np.deg2rad(3.0)
