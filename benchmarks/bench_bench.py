@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from lmmap.bench import event_sensor, renderer, sequences
+from lmmap.bench import event_sensor, laboratory, renderer, sequences
 from lmmap.types import Camera, Port
 
 SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
@@ -31,11 +31,11 @@ def against_real_time() -> None:
 
 
 def stages(repeats: int = 15) -> None:
-    seq, camera, port = sequences.sequence("test-medium"), Camera.davis346(), Port.lm_map()
+    seq, camera, port = laboratory.sequence("test-medium"), Camera.davis346(), Port.lm_map()
     (solid, skin), lamps = sequences.panel(seq, port), sequences.lamps(seq)
-    poses = sequences.motion(seq, np.arange(repeats + 1) * 0.01)
+    poses = laboratory.sequence_motion(seq, np.arange(repeats + 1) * 0.01)
     still = sequences.backdrop(seq, camera, lamps.intensity[:, 0].sum())
-    mono, rays = renderer.grey(skin, lamps, still), [renderer.ray_grid(camera, n) for n in (1, 2)]
+    mono, rays = renderer.to_monochrome(skin, lamps, still), [renderer.ray_grid(camera, n) for n in (1, 2)]
     sensor, rng = event_sensor.EventSensor(camera, event_sensor.Sensor(), seq.rng("events")), seq.rng("frame")
     walls = {"event image": [], "lens": [], "event sensor": [], "colour image": [], "exposure": []}
 
@@ -50,10 +50,10 @@ def stages(repeats: int = 15) -> None:
 
     for i, pose in enumerate(poses):
         light = timed("event image", lambda p=pose: look(mono, p, rays[0]))
-        light = timed("lens", lambda x=light: renderer.lens(x, sequences.LENS_BLUR_PX))
-        timed("event sensor", lambda x=light, i=i: sensor(x * (255 * sequences.GAIN), 10_000 * (i + 1)))
+        light = timed("lens", lambda x=light: renderer.apply_lens(x, sequences.LENS_BLUR_PX))
+        timed("event sensor", lambda x=light, i=i: sensor(x * (255 * laboratory.GAIN), 10_000 * (i + 1)))
         colour = timed("colour image", lambda p=pose: look((skin, lamps, still), p, rays[1]))
-        timed("exposure", lambda x=colour: renderer.expose(x, sequences.GAIN, rng))
+        timed("exposure", lambda x=colour: renderer.expose(x, laboratory.GAIN, rng))
     for name, wall in walls.items():
         print(f"{name:14} {np.median(wall[1:]):6.2f} ms")
 

@@ -43,7 +43,7 @@ def ours(solid, skin, lamps, T_cam_port, camera, rays=1, mono=False, ambient=0.0
     """Radiance and cover of our renderer in the dark room that Mitsuba's scene has."""
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     if mono:
-        skin, lamps, black = renderer.grey(skin, lamps, black)
+        skin, lamps, black = renderer.to_monochrome(skin, lamps, black)
     with mock.patch.object(renderer, "AMBIENT", ambient):
         return renderer.render(solid, skin, lamps, T_cam_port, renderer.ray_grid(camera, rays), black)
 
@@ -57,7 +57,7 @@ def coarse(image, factor: int):
 def test_poses():
     """Times and poses, evenly spread over the part of the test trajectory that shows the whole ring."""
     t_s = np.arange(0, 210, 0.5)
-    poses = laboratory.motion(laboratory.sequence("test-low"), t_s)
+    poses = laboratory.sequence_motion(laboratory.sequence("test-low"), t_s)
     seen = np.flatnonzero(in_view(poses, PORT, CAMERA))
     chosen = seen[np.linspace(0, len(seen) - 1, POSES).astype(int)]
     return [(float(t_s[i]), poses[i]) for i in chosen]
@@ -152,7 +152,7 @@ def speed(repeats=9) -> dict:
     T, black = test_poses()[0][1], np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.float32)
     room = peer.scene(solid, skin, "half", peer.spheres(lamps, T), peer.direct(), T, CAMERA, 16, True)
     grids = {n: renderer.ray_grid(CAMERA, n) for n in (1, sequences.SUB_EXPOSURES, 16)}
-    colour, mono = (skin, lamps, black), renderer.grey(skin, lamps, black)
+    colour, mono = (skin, lamps, black), renderer.to_monochrome(skin, lamps, black)
 
     def render(look, rays):
         return renderer.render(solid, look[0], look[1], T, grids[rays], look[2])

@@ -15,11 +15,11 @@ import numpy as np
 from long_recording import MAIN, child
 
 from lmmap import open_recording
+from lmmap.files import CAMERA, atomic
 from lmmap.provenance import DATA
 from lmmap.recordings import rosbag
-from lmmap.recordings.pose_files import atomic
 from lmmap.rig import authors_bags, standin, tf
-from lmmap.rig.rig import CAMERA, NAME
+from lmmap.rig.rig import RIG_FILE
 from lmmap.rig.ur5e import follow
 from lmmap.types import Camera
 
@@ -27,7 +27,7 @@ LIMIT_GB = 2.0
 
 
 class Mirrored:
-    """A short recording played to and fro, as `Recording` is: what `bags.write` needs of it.
+    """A short recording played to and fro, as `Recording` is: what `rosbag.write` needs of it.
 
     Played backward, frames show the scene as it was then; events keep their order within a period, so that
     they are right in rate and size, not in what they show."""
@@ -61,14 +61,14 @@ class Mirrored:
 
 def main(folder: Path, gigabytes: float) -> None:
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
-    recording = standin.shifted(recording, -int(recording.truth.t_us[0]))
+    recording = standin.shift_time(recording, -int(recording.truth.t_us[0]))
     period_gb = (13 * len(recording.events) + recording.frames.nbytes) / 1e9
     long = Mirrored(recording, int(np.ceil(gigabytes / period_gb)))
     path, start = folder / "dark__test.bag", time.perf_counter()
     with atomic(path) as temporary:
-        rosbag.write(long, temporary, tf.messages(*long.arm()), calibrated=False)
+        rosbag.write(long, temporary, tf.arm_messages(*long.arm()), calibrated=False)
     standin.write_hand_eye(folder / authors_bags.HAND_EYE)
-    standin.RIG.save(folder / NAME)
+    standin.RIG.save(folder / RIG_FILE)
     Camera.davis346().save(folder / CAMERA)
     print(
         f"{path.name}: {path.stat().st_size / 1e9:.1f} GB in {time.perf_counter() - start:.0f} s", flush=True

@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.bench import sequences
+from lmmap.bench import laboratory, sequences
 from lmmap.geometry.projection import in_view
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
@@ -184,7 +184,7 @@ def main() -> None:
         estimator = Estimator(modality=modality)
         of = {name: list(measured(estimator, name)) for name in tqdm(SEQUENCES, modality, disable=None)}
         cases = [case for some in of.values() for case in some]
-        lights = [sequences.sequence(name).light for name, some in of.items() for _ in some]
+        lights = [laboratory.sequence(name).light for name, some in of.items() for _ in some]
         tables.append(calibrate(estimator, cases))
         reached.append(by_light(estimator, cases, lights))
     table, lit = pd.concat(tables, ignore_index=True), pd.concat(reached, ignore_index=True)

@@ -18,7 +18,7 @@ from choose_thresholds import right
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.bench.sequences import sequence
+from lmmap.bench.laboratory import sequence
 from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram, middle_us, windows_at

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from lmmap.bench import sequences
+from lmmap.bench import laboratory
 from lmmap.pipeline.network import shipped_gaps
 from lmmap.provenance import DERIVED, fingerprint, save_table
 from lmmap.studies import accuracy_run
@@ -29,7 +29,7 @@ def judged(name: str, mark: str) -> pd.DataFrame:
     """A row per image and filter of one sequence."""
     path = FOLDER / f"{name}-{mark}.csv"
     if not path.exists():
-        recording = accuracy_run.recorded(name, sequences.SECONDS["paper"]["test"], DERIVED / "paper", say)
+        recording = accuracy_run.recorded(name, laboratory.SECONDS["paper"]["test"], DERIVED / "paper", say)
         table = filter_quality(recording, shipped_gaps(), precision="float32")
         FOLDER.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False)

@@ -14,7 +14,7 @@ from itertools import product
 
 import pandas as pd
 
-from lmmap.bench import sequences
+from lmmap.bench import laboratory
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FILTERS, load_card, weight_path
 from lmmap.pipeline.run import estimate
@@ -52,7 +52,7 @@ def cells(seed: int, light: str, modality: str) -> pd.DataFrame:
     mark = fingerprint(str(seed), *((p.read_text() for p in sorted(weights.glob("*.json"))) if seed else ()))
     done = path.with_suffix(".done")
     if not (path.exists() and done.exists() and done.read_text() == mark):
-        seconds = sequences.SECONDS["paper"]["test"]
+        seconds = laboratory.SECONDS["paper"]["test"]
         recording = accuracy_run.recorded(f"test-{light}", seconds, DERIVED / "paper", say)
         estimator = Estimator(recording.camera, Port.lm_map(), modality, weights)
         table = errors(recording, list(estimate(recording, estimator, RATE_HZ)), Port.lm_map())

@@ -105,7 +105,7 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
     links, names = world.FOLDER / "training", dataset.SETS["robust"]
     kept = kept_as(modality, label, steps, ".safetensors")
     if not kept.exists():
-        dataset.make(names, DERIVED / "training")
+        dataset.make_samples(names, DERIVED / "training")
         links.mkdir(parents=True, exist_ok=True)
         for name in names:
             if not (links / name).exists():

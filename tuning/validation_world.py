@@ -14,7 +14,7 @@ from unittest import mock
 
 import numpy as np
 
-from lmmap.bench import cad, laboratory, renderer, sequences, skins
+from lmmap.bench import cad, labels, laboratory, renderer, sequences, skins
 from lmmap.bench.event_sensor import Sensor
 from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import fitting
@@ -96,7 +96,7 @@ def backdrop(seq, camera, total_intensity):
 
 
 def worn(render, gap_m):
-    """`shading.render` with a ring whose film has lost half its light, unevenly, and has gaps."""
+    """`renderer.render` with a ring whose film has lost half its light, unevenly, and has gaps."""
 
     def rendered(solid, skin, light, T_cam_port, rays, behind):
         radiance, cover = render(solid, skin, light, T_cam_port, rays, behind)
@@ -137,7 +137,7 @@ def pictured(name: str) -> Recording:
     (solid, skin), light = panel(seq, PORT), lamps(seq)
     total = light.intensity.sum(0)
     behind, dome = backdrop(seq, CAMERA, light.intensity[:, 0].sum()), renderer.AMBIENT * total
-    truth = laboratory.motion(seq, np.arange(0, 60, 0.5))
+    truth = laboratory.sequence_motion(seq, np.arange(0, 60, 0.5))
     truth = truth[np.flatnonzero(in_view(truth, PORT, CAMERA))]
     truth, frames = truth[np.linspace(0, len(truth) - 1, EACH).astype(int)], []
     covers = (
@@ -166,7 +166,7 @@ def pictured(name: str) -> Recording:
                 radiance = radiance + np.array(peer.mi.render(room))
             nothing = peer.surfaces(solid, skin, T, CAMERA) == cad.NOTHING
             radiance = np.where(nothing[..., None], behind, radiance).astype(np.float32)
-            radiance = renderer.lens(radiance, 0.9)
+            radiance = renderer.apply_lens(radiance, 0.9)
             frames.append(renderer.expose(radiance, laboratory.GAIN, seq.rng(f"picture {i}")))
     times_us = np.arange(EACH, dtype=np.int64) * 1_000_000
     return Recording(
@@ -186,7 +186,7 @@ def shots(recording: Recording, kind: str) -> dict[str, np.ndarray]:
         if in_view(T, PORT, CAMERA)[0]:
             found.append((image, T[0]))
     found = [found[i] for i in np.unique(np.linspace(0, len(found) - 1, min(EACH, len(found))).astype(int))]
-    masks = [sequences.label_masks(T, PORT, CAMERA) for _, T in found]
+    masks = [labels.label_masks(T, PORT, CAMERA) for _, T in found]
     size = CAMERA.size_px[::-1]
     return {
         kind: np.array([i for i, _ in found]).reshape(-1, *size, *([3] if kind == "rgb" else [])),

@@ -65,7 +65,7 @@ def sequence(name: str) -> Sequence:
     return Sequence(name, light, skin, port=kind != "empty")
 
 
-def motion(seq: Sequence, t_s) -> Pose:
+def sequence_motion(seq: Sequence, t_s) -> Pose:
     """``T_cam_port`` at times (N,): sums of slow sinusoids, within an arm's reach and speed."""
     rng, t_s = seq.rng("motion"), np.asarray(t_s, float)
 
@@ -100,7 +100,7 @@ def lamps(seq: Sequence) -> renderer.Lamps:
         intensity.append(SUN * (rng.uniform(0.4, 1.2) if training else 1.0) * np.array([1.0, 0.98, 0.95]))
         radius.append(0.10)
     if seq.light == "reflect":  # where the panel, were it a mirror, would throw the sun into the lens
-        T_cam_port = motion(seq, np.array([5.0]))[0]
+        T_cam_port = sequence_motion(seq, np.array([5.0]))[0]
         ray = -T_cam_port.position_m / np.linalg.norm(T_cam_port.position_m)
         mirrored = 2 * (T_cam_port.normal @ ray) * T_cam_port.normal - ray
         position.append(T_cam_port.position_m + 2.5 * mirrored)
@@ -115,7 +115,7 @@ def panel(seq: Sequence, port: Port):
     centre_m = rng.uniform(-1, 1, 2) * [0.10, 0.05]
     size_m = port.panel_size_m
     if seq.skin == "textured":
-        skin = skins.textured(size_m, rng)
+        skin = skins.textured_cover(size_m, rng)
     elif seq.skin == "film":
         metal = "gold" if rng.random() < 0.3 else "aluminium"
         skin = skins.film(size_m, -centre_m, rng, metal, pleated=seq.port)

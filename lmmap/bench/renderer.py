@@ -223,7 +223,7 @@ def render(solid: Solid, skin, lamps: Lamps, T_cam_port: Pose, rays, backdrop):
                   T_cam_port.rotation, T_port_cam.position_m, rays, backdrop, ambient)  # fmt: skip
 
 
-def grey(skin, lamps: Lamps, backdrop):
+def to_monochrome(skin, lamps: Lamps, backdrop):
     """Skin, lamps and backdrop in the one colour of a pixel without filter, for one ray a pixel.
 
     Such a ray would alias: the skin is averaged over 2 x 2 texels, about a pixel at mid-range, and what
@@ -249,7 +249,7 @@ def blur(radiance, sigma_px: float) -> np.ndarray:
     )
 
 
-def lens(radiance, sigma_px: float) -> np.ndarray:
+def apply_lens(radiance, sigma_px: float) -> np.ndarray:
     """The lens: a Gaussian core, and wide glare from scatter between its surfaces."""
     small = cv2.resize(radiance, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA)
     near, far = (cv2.GaussianBlur(small, (0, 0), s, borderType=cv2.BORDER_CONSTANT) for s in (2.0, 6.0))

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from ..geometry.projection import circle_points_m, project
-from ..types import EVENT, Camera, InputError, Port, Pose, Recording, Trajectory
-from . import cad, event_sensor, renderer, skins
-from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, motion, panel, sequence
+from ..types import EVENT, Camera, InputError, Port, Recording, Trajectory
+from . import event_sensor, renderer
+from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, panel, sequence, sequence_motion
 
 EXPOSURE_US, SUB_EXPOSURES = 8000, 2
 LENS_BLUR_PX = 0.6
@@ -32,7 +32,7 @@ PART_S = 5.0  # what an interruption may cost
 def render_times_us(seq: Sequence, port: Port, camera: Camera, seconds: float) -> np.ndarray:
     """Times between which nothing visible of panel or port moves by more than about `STEP_PX`."""
     t = np.arange(0, seconds + 1e-9, 0.001)
-    poses = motion(seq, t)
+    poses = sequence_motion(seq, t)
     size = np.array(camera.size_px)
     speed = np.zeros(len(t) - 1)
     for point in _visible_points_m(port):
@@ -57,12 +57,12 @@ def _visible_points_m(port: Port) -> np.ndarray:
 def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, skip=0) -> Iterator[tuple]:
     """Yield ``(t_us, events since the last, frame or None)`` in order, without the first ``skip``.
 
-    Images are rendered ahead on threads; ``device`` (`dvs.EventSensor`) makes events of them here, in order.
+    Images are rendered ahead on threads; ``device`` (`EventSensor`) makes events of them here, in order.
     """
     solid, skin = panel(seq, port)
     light = lamps(seq)
     still = backdrop(seq, camera, light.intensity[:, 0].sum())
-    colour, mono = (skin, light, still), renderer.grey(skin, light, still)
+    colour, mono = (skin, light, still), renderer.to_monochrome(skin, light, still)
     rays = renderer.ray_grid(camera, 1), renderer.ray_grid(camera, SUB_EXPOSURES)
 
     def look(T_cam_port, what, ray):
@@ -71,12 +71,12 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, sk
     def image(job):
         t_us, poses, frame = job
         if not frame:
-            return t_us, renderer.lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
+            return t_us, renderer.apply_lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
         parts = [look(T, colour, rays[1][k : k + 1]) for k, T in enumerate(poses)]
-        radiance = renderer.lens(np.mean(parts, 0), LENS_BLUR_PX)
+        radiance = renderer.apply_lens(np.mean(parts, 0), LENS_BLUR_PX)
         return t_us, None, renderer.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
 
-    first = motion(seq, np.zeros(1))[0]
+    first = sequence_motion(seq, np.zeros(1))[0]
     for what, ray in zip((mono, colour), rays, strict=True):  # compiled before there are threads
         renderer.render(solid, *what[:2], first, ray[:, :1, :1].copy(), what[2][:1, :1].copy())
     for t_us, intensity, frame in _ahead(image, _jobs(seq, camera, port, seconds)[skip:]):
@@ -88,9 +88,11 @@ def _jobs(seq: Sequence, camera: Camera, port: Port, seconds: float) -> list[tup
     steps_us = render_times_us(seq, port, camera, seconds)
     frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / FRAME_HZ).astype(np.int64)
     parts_us = ((np.arange(SUB_EXPOSURES) + 0.5) / SUB_EXPOSURES - 0.5) * EXPOSURE_US
-    steps = [(t, pose, False) for t, pose in zip(steps_us, motion(seq, steps_us * 1e-6), strict=True)]
+    steps = [
+        (t, pose, False) for t, pose in zip(steps_us, sequence_motion(seq, steps_us * 1e-6), strict=True)
+    ]
     times = frames_us[:, None] + parts_us
-    poses = motion(seq, times.ravel() * 1e-6)
+    poses = sequence_motion(seq, times.ravel() * 1e-6)
     frames = [(t, poses[i * SUB_EXPOSURES : (i + 1) * SUB_EXPOSURES], True) for i, t in enumerate(frames_us)]
     return sorted(steps + frames, key=lambda job: (job[0], job[2]))
 
@@ -157,7 +159,7 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     done.append(_joined(part, camera))
     events, frames, frames_us = (np.concatenate([d[key] for d in done]) for key in part)
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
-    truth = Trajectory(truth_us, motion(seq, truth_us * 1e-6)) if seq.port else None
+    truth = Trajectory(truth_us, sequence_motion(seq, truth_us * 1e-6)) if seq.port else None
     return Recording(name, camera, events, frames, frames_us, truth)
 
 
@@ -205,13 +207,3 @@ def _resume(folder: Path | None, device, made_of: str) -> list[dict]:
     if last is not None:
         device.restore(last)
     return done
-
-
-def label_masks(T_cam_port: Pose, port: Port, camera: Camera, rays=None) -> np.ndarray:
-    """Binary masks (2, H, W) of ring and markers by the CAD and the pose, with occlusion."""
-    rays = renderer.ray_grid(camera, 4) if rays is None else rays
-    none = renderer.Lamps(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    skin = np.zeros((2, 2, skins.CHANNELS), np.float32)
-    black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
-    cover = renderer.render(cad.solid(port), skin, none, T_cam_port, rays, black)[1]
-    return np.moveaxis(cover >= 0.5, -1, 0)

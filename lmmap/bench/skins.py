@@ -70,7 +70,7 @@ def _slopes(height_m) -> np.ndarray:
     return np.stack([dz_dx, dz_dy], -1)
 
 
-def textured(panel_size_m, rng) -> np.ndarray:
+def textured_cover(panel_size_m, rng) -> np.ndarray:
     """A cover that is no satellite's: paint, boards, checks, photographs, blobs of any gloss."""
     shape = texel_shape(panel_size_m)
     albedo = _paint(shape, rng)

@@ -19,7 +19,7 @@ from ..pipeline.network import CHANNELS, FILTERS, weight_path
 from ..provenance import DERIVED
 from ..recordings.formats import open_stream
 from ..rig import authors_bags, calibration, checkerboard, standin, tf
-from ..rig.rig import NAME, CameraOnRobot, read_hand_eye
+from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
 from ..studies import on_authors_bags, pose_errors
 from ..training.recipe import Recipe
 from ..types import Camera, InputError, Port
@@ -64,7 +64,7 @@ def register(command) -> None:
         "--board", metavar="CxR", help="inner corners of a checkerboard: calibrate the camera instead"
     )
     sub.add_argument("--square", type=float, default=0.03, metavar="M", help="side of its squares")
-    default = f"default: {NAME} or {CAMERA}, beside the first bag"
+    default = f"default: {RIG_FILE} or {CAMERA}, beside the first bag"
     sub.add_argument("-o", "--output", type=Path, metavar="FILE", help=default)
     sub.add_argument("--json", action="store_true", help="print JSON")
 
@@ -82,7 +82,12 @@ def dataset(a) -> None:
         print("\nThen: lmmap dataset check FOLDER; lmmap calibrate BAG; make reproduce DATA=FOLDER")
         return
     rows = list(
-        tqdm(authors_bags.check(a.folder), "check", total=len(authors_bags.bags(a.folder)), disable=None)
+        tqdm(
+            authors_bags.check_bags(a.folder),
+            "check",
+            total=len(authors_bags.list_bags(a.folder)),
+            disable=None,
+        )
     )
     if a.json:
         print(json.dumps(rows, indent=1))
@@ -109,7 +114,7 @@ def calibrate(a) -> None:
         return
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
-    output = a.output or a.bags[0].parent / NAME
+    output = a.output or a.bags[0].parent / RIG_FILE
     hand_eye = _hand_eye(a)
     camera, port, found = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []
     motions = [tf.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
@@ -121,10 +126,10 @@ def calibrate(a) -> None:
         estimates = on_authors_bags.detect(stream, estimator, a.rate, kept)
         if not estimates:
             raise InputError(f"{path}: holds no images for --modality {a.modality}; try the other")
-        found.append(calibration.detected(estimates, motion))
+        found.append(calibration.collect_detections(estimates, motion))
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
-    rig = calibration.calibrate(found, port, _ends(a, a.bags[0], hand_eye), known)
-    rig.calibrated["recordings"] = [path.name for path in a.bags]
+    rig = calibration.calibrate_rig(found, port, _ends(a, a.bags[0], hand_eye), known)
+    rig.calibration["recordings"] = [path.name for path in a.bags]
     with atomic(output) as temporary:
         rig.save(temporary)
     if a.json:
@@ -135,7 +140,7 @@ def calibrate(a) -> None:
 
 def told(rig) -> str:
     """A calibration in a few lines."""
-    f, T = rig.calibrated, rig.T_tip_port
+    f, T = rig.calibration, rig.T_tip_port
     lines = [
         f"port on {rig.tip} at ({', '.join(f'{1e3 * v:.1f}' for v in T.position_m)}) mm, "
         f"known to {f['port_sigma_mm']:.1f} mm and {f['port_sigma_deg']:.2f} deg (yaw modulo 120)",
@@ -167,7 +172,7 @@ def board(a) -> None:
     stream = open_stream(a.bags[0], Camera.davis346() if a.camera is None else Camera.load(a.camera))
     frames = tqdm(stream.timed_frames(), "checkerboard", unit=" frames", disable=None)
     try:
-        camera, facts = checkerboard.calibrate(frames, tuple(map(int, size.groups())), a.square)
+        camera, facts = checkerboard.calibrate_intrinsics(frames, tuple(map(int, size.groups())), a.square)
     except ValueError as error:
         raise InputError(f"{a.bags[0]}: {error}; check --board, or record it nearer and longer") from None
     with atomic(output) as temporary:
@@ -176,18 +181,18 @@ def board(a) -> None:
     print(json.dumps(facts) if a.json else f"{output}: {text}")
 
 
-def _hand_eye(a) -> CameraOnRobot | None:
+def _hand_eye(a) -> HandEyeFile | None:
     path = a.hand_eye or next((f for p in list(a.bags[0].resolve().parents)[:2]
                                if (f := authors_bags.hand_eye_file(p, deep=False))), None)  # fmt: skip
     return read_hand_eye(path) if path else None
 
 
-def _ends(a, path: Path, hand_eye: CameraOnRobot | None) -> tuple[str, str]:
+def _ends(a, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
     """The arm's (root, tip) by the command line, else by the hand-eye file, else as a UR names them."""
     if hand_eye:
         base, effector = hand_eye.base, hand_eye.effector
     else:
-        base, effector = tf.ends_of(path)
+        base, effector = tf.arm_ends(path)
     base, effector = a.base or base, a.effector or effector
     on_arm = a.on_arm or bool(hand_eye and hand_eye.on_arm)
     return (effector, base) if on_arm else (base, effector)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ..bench import photometry, sequences
+from ..bench import laboratory, photometry, sequences
 from ..bench.simulate import record, record_all
 from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
 from ..provenance import DERIVED, save_json
@@ -39,7 +39,7 @@ def simulate(a) -> None:
         raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
     _check_folder(a.output)
     camera = Camera.load(a.camera) if a.camera else None
-    jobs = [(name, sequences.duration_s(sequences.sequence(name), a.seconds, a.profile),
+    jobs = [(name, sequences.duration_s(laboratory.sequence(name), a.seconds, a.profile),
              a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
     if a.jobs > 1 or a.scheduler:
         if camera:
@@ -58,7 +58,7 @@ def calibrate(a) -> None:
     """Exposure and lamps."""
     if a.output:
         _check_folder(a.output)
-    result = photometry.calibrate(lambda line: print(line, file=sys.stderr))
+    result = photometry.calibrate_lamps(lambda line: print(line, file=sys.stderr))
     if a.output:
         save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
     print(json.dumps(result, indent=1))

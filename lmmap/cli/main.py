@@ -10,7 +10,7 @@ from pathlib import Path
 
 import shtab
 
-from ..bench import sequences
+from ..bench import laboratory
 from ..pages import reference
 from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
 from ..provenance import profile
@@ -92,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
     authors.arguments(sub)
     sub.add_argument("--seconds", type=float, help="length (default: the profile's)")
-    sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default=profile())
+    sub.add_argument("--profile", choices=tuple(laboratory.SECONDS), default=profile())
     sub.add_argument("--camera", type=Path, help="calibration of another camera, distortion included")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once")
     sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the work")
@@ -149,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")
 
     sub = command("reproduce", bench.reproduce, "regenerate every result of the book")
-    sub.add_argument("--profile", choices=tuple(sequences.SECONDS), default="quick")
+    sub.add_argument("--profile", choices=tuple(laboratory.SECONDS), default="quick")
     sub.add_argument("--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile")
     sub.add_argument("--go-on", action="store_true", help="take a sequence's packed results where they hold")
     sub.add_argument("--data", type=Path, metavar="FOLDER", help="of the authors' bags, instead of the bench")

@@ -49,7 +49,7 @@ def _estimator(a, camera: Camera, modality: str) -> Estimator:
 
 def _rig_of(recording) -> rig.Rig | None:
     """What a folder of bags says of its camera, arm and port."""
-    known = beside(recording, rig.NAME) if recording and recording.suffix == ".bag" else None
+    known = beside(recording, rig.RIG_FILE) if recording and recording.suffix == ".bag" else None
     return rig.Rig.load(known) if known else None
 
 

@@ -40,7 +40,7 @@ EXPECTED = (
 
 
 @dataclass(frozen=True)
-class Bag:
+class AuthorsBag:
     """A bag by its name and folder: ``role`` is train, test, hard, empty or calibration; ``light`` is low,
     medium, high or mixed; ``textured`` says that the satellite wears one of the training covers."""
 
@@ -52,7 +52,7 @@ class Bag:
     textured: bool = False
 
 
-def describe(path) -> Bag:
+def describe_bag(path) -> AuthorsBag:
     """What a bag's name and folder say; raises `InputError` if that is nothing.
 
     The numbers of the lamps count before the words: any sunlight is high light, earthshine alone medium.
@@ -79,10 +79,10 @@ def describe(path) -> Bag:
             f"{path}: its name says neither light nor purpose; name it as published ({EXPECTED})"
         )
     textured = role == "train" and "notexture" not in f"{folder}/{stem}".lower()
-    return Bag(path, role, light, trajectory, percent, textured)
+    return AuthorsBag(path, role, light, trajectory, percent, textured)
 
 
-def bags(folder) -> list[Path]:
+def list_bags(folder) -> list[Path]:
     """All bags below a folder, by name; raises `InputError` if there is none."""
     folder = Path(folder)
     if not folder.is_dir():
@@ -105,16 +105,16 @@ def hand_eye_file(folder, deep: bool = True) -> Path | None:
     return None
 
 
-def check(folder) -> Iterator[dict]:
+def check_bags(folder) -> Iterator[dict]:
     """For each bag, in order: what it is, whether it is whole, and ``problem``, empty if it is usable."""
     hand_eye = hand_eye_file(folder)
-    for path in bags(folder):
+    for path in list_bags(folder):
         row = {"bag": str(path.relative_to(folder)), "gigabytes": path.stat().st_size / 1e9, "role": "",
                "light": "", "seconds": None, "whole": False, "problem": ""}  # fmt: skip
         try:
-            facts = contents(path)
+            facts = bag_contents(path)
             row |= {"seconds": facts["seconds"], "whole": True}
-            bag = describe(path)
+            bag = describe_bag(path)
             row |= {"role": bag.role, "light": bag.light or ""}
             _usable(bag, facts, hand_eye)
         except InputError as error:
@@ -122,14 +122,14 @@ def check(folder) -> Iterator[dict]:
         yield row
 
 
-def contents(path) -> dict:
+def bag_contents(path) -> dict:
     """Seconds, and messages by topic, from a bag's index; raises `InputError` where it is not whole."""
     with named(Path(path)), Reader(Path(path)) as bag:
         topics = {name: (t.msgtype, t.msgcount) for name, t in bag.topics.items()}
         return {"seconds": bag.duration * 1e-9, "topics": topics}
 
 
-def _usable(bag: Bag, facts: dict, hand_eye: Path | None) -> None:
+def _usable(bag: AuthorsBag, facts: dict, hand_eye: Path | None) -> None:
     """`InputError` if something is missing for the bag's purpose."""
     kinds = {kind for kind, count in facts["topics"].values() if count}
     has = {EVENTS: any(k.endswith("/EventArray") for k in kinds), FRAMES: bool(kinds & set(IMAGES))}
@@ -140,5 +140,5 @@ def _usable(bag: Bag, facts: dict, hand_eye: Path | None) -> None:
         raise InputError(f"{bag.path}: no messages of {', '.join(missing)} among its topics ({topics}); "
                          "download it again")  # fmt: skip
     if bag.role not in ("empty", "calibration"):
-        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else tf.ends_of(bag.path)
+        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else tf.arm_ends(bag.path)
         tf.arm_motion(bag.path, *ends, tf.GLANCE_S)

@@ -7,24 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.projection import rotation_angle_rad
-from ..types import Estimate, InputError, Port, Pose, Trajectory
+from ..types import Estimate, InputError, Port, Pose
 from . import hand_eye
 from .rig import Rig
-from .ur5e import Along, along
+from .ur5e import ArmMotion, ArmSamples
 
 DIFFERS_M, DIFFERS_RAD = 0.02, np.deg2rad(3.0)  # a hand-eye file this far from our own estimate is doubted
 
 
 @dataclass(frozen=True)
-class Detected:
+class Detections:
     """What one bag gives: poses ``T_cam_port`` (N,), their covariances (N, 6, 6), and the arm then."""
 
     T_cam_port: Pose
     covariance: np.ndarray
-    arm: Along
+    arm: ArmSamples
 
 
-def detected(estimates: list[Estimate], motion: Trajectory) -> Detected:
+def collect_detections(estimates: list[Estimate], motion: ArmMotion) -> Detections:
     """The estimates that have a pose while the arm ``T_root_tip`` reports."""
     span = motion.t_us[[0, -1]]
     some = [e for e in estimates if e.T_cam_port is not None and span[0] <= e.t_us <= span[1]]
@@ -32,12 +32,12 @@ def detected(estimates: list[Estimate], motion: Trajectory) -> Detected:
     covariance = [usual if e.covariance is None else e.covariance for e in some]
     rotation = np.array([e.T_cam_port.rotation for e in some]).reshape(-1, 3, 3)
     position_m = np.array([e.T_cam_port.position_m for e in some]).reshape(-1, 3)
-    arm = along(motion, [e.t_us for e in some])
-    return Detected(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
+    arm = motion.sample([e.t_us for e in some])
+    return Detections(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
 
 
-def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
-              T_cam_root: Pose | None = None) -> Rig:  # fmt: skip
+def calibrate_rig(bags: list[Detections], port: Port, ends: tuple[str, str],
+                  T_cam_root: Pose | None = None) -> Rig:  # fmt: skip
     """The rig that one or several bags of the same laboratory agree on.
 
     Parameters
@@ -49,7 +49,7 @@ def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
     Returns
     -------
     Rig
-        ``calibrated`` holds the number of detections, medians on held-out stretches of time (mm, deg),
+        ``calibration`` holds the number of detections, medians on held-out stretches of time (mm, deg),
         standard deviations, and how far the file's camera is from ours.
 
     Raises
@@ -63,7 +63,7 @@ def calibrate(bags: list[Detected], port: Port, ends: tuple[str, str],
     T_root_tip = Pose(
         np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms])
     )
-    arm = Along(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
+    arm = ArmSamples(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
     data = (poses, arm, port.yaw_period_rad, np.concatenate([b.covariance for b in bags]))
     try:
         result = hand_eye.solve(*data, T_cam_root=T_cam_root)

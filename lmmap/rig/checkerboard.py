@@ -26,8 +26,8 @@ def corners_px(frame: np.ndarray, corners: tuple[int, int]) -> np.ndarray | None
     return cv2.cornerSubPix(grey, points, (half, half), (-1, -1), STOP).reshape(-1, 2)
 
 
-def calibrate(timed_frames: Iterable, corners: tuple[int, int], square_m: float,
-              every_us: int = EVERY_US) -> tuple[Camera, dict]:  # fmt: skip
+def calibrate_intrinsics(timed_frames: Iterable, corners: tuple[int, int], square_m: float,
+                         every_us: int = EVERY_US) -> tuple[Camera, dict]:  # fmt: skip
     """Camera, and ``views``, ``rms_px`` and ``sigma_px`` (of fx, fy, cx, cy), from ``(t_us, frame)``.
 
     Parameters

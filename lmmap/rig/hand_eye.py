@@ -20,7 +20,7 @@ from scipy.stats import chi2
 
 from ..geometry.projection import equal_turns, rotation_angle_rad, rotation_vector, rotation_z
 from ..types import Pose, frozen_array
-from .ur5e import Along
+from .ur5e import ArmSamples
 
 SIGMA_M, SIGMA_RAD = 0.004, np.deg2rad(2.0)  # of a detection, where it does not say; rescaled by the fit
 FLOOR_M, FLOOR_RAD = 0.0005, np.deg2rad(0.2)  # no detection is known better, whatever its covariance
@@ -53,7 +53,7 @@ class HandEye:
 class _Problem:
     """Detections and arm, and the residuals (N, 6) of parameters (14,) about a pair of transforms."""
 
-    def __init__(self, detected: Pose, arm: Along, whitener, turns, X: Pose, Y: Pose):
+    def __init__(self, detected: Pose, arm: ArmSamples, whitener, turns, X: Pose, Y: Pose):
         self.detected, self.arm, self.whitener, self.turns = detected, arm, whitener, turns
         self.X, self.Y = X, Y
 
@@ -106,7 +106,7 @@ def _moved(T: Pose, by) -> Pose:
     return Pose(Rotation.from_rotvec(by[..., 3:]).as_matrix() @ T.rotation, T.position_m + by[..., :3])
 
 
-def solve(detected: Pose, arm: Along, yaw_period_rad: float, covariance=None,
+def solve(detected: Pose, arm: ArmSamples, yaw_period_rad: float, covariance=None,
           T_cam_root: Pose | None = None) -> HandEye:  # fmt: skip
     """Calibrate from detections ``T_cam_port`` (N,) in the order of time, yaw modulo its period.
 

@@ -18,7 +18,7 @@ from ..types import InputError, Port, Pose, Trajectory
 from . import ur5e
 from .tf import arm_motion
 
-NAME = "rig.json"  # of a folder of bags
+RIG_FILE = "rig.json"  # of a folder of bags
 QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
 
 
@@ -26,7 +26,7 @@ QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
 class Rig:
     """``T_cam_port(t) = T_cam_root T_root_tip(t + delay) T_tip_port``, and the ring's radius.
 
-    ``calibrated`` says from what, and how well.
+    ``calibration`` says from what, and how well.
     """
 
     root: str
@@ -35,24 +35,24 @@ class Rig:
     T_tip_port: Pose
     ring_radius_m: float
     delay_s: float = 0.0
-    calibrated: dict | None = None
+    calibration: dict | None = None
 
     @property
     def port(self) -> Port:
         """The LM-MAP at the size of this ring."""
-        return scaled(Port.lm_map(), self.ring_radius_m)
+        return scale_port(Port.lm_map(), self.ring_radius_m)
 
     def truth(self, path) -> Trajectory:
         """``T_cam_port`` of a bag by the arm, at the camera's times; raises `InputError`."""
         motion = arm_motion(path, self.root, self.tip)
-        T = self.T_cam_root @ motion.T_cam_port @ self.T_tip_port
+        T = self.T_cam_root @ motion.T_root_tip @ self.T_tip_port
         return Trajectory(motion.t_us - round(self.delay_s * 1e6), T)
 
     def save(self, path) -> None:
         """Write JSON; raises `OSError`."""
         values = {"root": self.root, "tip": self.tip, "T_cam_root": _matrix(self.T_cam_root),
                   "T_tip_port": _matrix(self.T_tip_port), "ring_radius_m": self.ring_radius_m,
-                  "delay_s": self.delay_s, "calibrated": self.calibrated or {}}  # fmt: skip
+                  "delay_s": self.delay_s, "calibrated": self.calibration or {}}  # fmt: skip
         Path(path).write_text(json.dumps(values, indent=1) + "\n")
 
     @classmethod
@@ -70,7 +70,7 @@ class Rig:
                              "write it with lmmap calibrate") from None  # fmt: skip
 
 
-def scaled(port: Port, ring_radius_m: float) -> Port:
+def scale_port(port: Port, ring_radius_m: float) -> Port:
     """The same port at another size."""
     s = ring_radius_m / port.ring_radius_m
     values = {n: v for n, v in vars(port).items() if n != "symmetry"}
@@ -79,7 +79,7 @@ def scaled(port: Port, ring_radius_m: float) -> Port:
 
 
 @dataclass(frozen=True)
-class CameraOnRobot:
+class HandEyeFile:
     """What a hand-eye file says: ``T_frame_cam``, the camera in an arm's frame.
 
     ``on_arm`` tells whether that frame moves; ``base`` and ``effector`` name the arm's ends."""
@@ -95,7 +95,7 @@ class CameraOnRobot:
         return (self.effector, self.base) if self.on_arm else (self.base, self.effector)
 
 
-def read_hand_eye(path) -> CameraOnRobot:
+def read_hand_eye(path) -> HandEyeFile:
     """Read easy_handeye's YAML, or one that holds a 4 x 4 matrix ``T_base_cam``.
 
     Raises
@@ -128,7 +128,7 @@ def _document(content: str):
     return yaml.safe_load(plain)
 
 
-def _easy_handeye(document) -> CameraOnRobot | None:
+def _easy_handeye(document) -> HandEyeFile | None:
     if not isinstance(document, dict) or not isinstance(document.get("transformation"), dict):
         return None
     t = document["transformation"]
@@ -142,10 +142,10 @@ def _easy_handeye(document) -> CameraOnRobot | None:
         raise ValueError("its quaternion is not of unit length")
     names = (about.get("robot_base_frame") or ur5e.BASE, about.get("robot_effector_frame") or ur5e.EFFECTOR)
     T = Pose(Rotation.from_quat(q).as_matrix(), p)
-    return CameraOnRobot(T, bool(about.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
+    return HandEyeFile(T, bool(about.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
 
 
-def _bare(document) -> CameraOnRobot:
+def _bare(document) -> HandEyeFile:
     """The first 4 x 4 matrix anywhere in the document."""
     waiting = [document]
     while waiting:
@@ -154,7 +154,7 @@ def _bare(document) -> CameraOnRobot:
             flat = np.array(node, object).ravel()
             if flat.size == 16 and all(isinstance(v, int | float) for v in flat):
                 T = _pose(np.array(flat, float).reshape(4, 4))
-                return CameraOnRobot(T, False, ur5e.BASE, ur5e.EFFECTOR)
+                return HandEyeFile(T, False, ur5e.BASE, ur5e.EFFECTOR)
         elif isinstance(node, dict):
             waiting.extend(node.values())
     raise ValueError("neither layout")

@@ -15,13 +15,14 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from ..bench import sequences
-from ..bench.laboratory import motion, sequence
+from ..bench.laboratory import sequence, sequence_motion
 from ..files import atomic
 from ..geometry.projection import bearings, rotation_z
 from ..recordings import rosbag
 from ..types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 from . import authors_bags, tf, ur5e
 from .rig import Rig
+from .ur5e import ArmMotion
 
 ARM_HZ = 125  # as the arm's driver
 SAMPLES = 3  # of a pixel of the checkerboard, each way
@@ -32,7 +33,7 @@ _MOUNT = Rotation.from_euler("xyz", [3.0, -2.0, 17.0], degrees=True).as_matrix()
 RIG = Rig(ur5e.BASE, ur5e.EFFECTOR, Pose(_FACING @ rotation_z(0.0), [0.337, 0.36, 0.657]),
           Pose(_MOUNT, [0.004, -0.006, 0.114]), 0.08)  # fmt: skip
 BOARD = "dataset_0307/dvs_calibration.bag"
-NAMES = (  # as published, and the bench's sequence that stands in
+STAND_INS = (  # as published, and the bench's sequence that stands in
     ("dataset_0307/T1_RA_0_ES_0_texture1.bag", "augmented-0"),
     ("dataset_0307/T2_RA_50_ES_1_texture2.bag", "augmented-2"),
     ("dataset_0307/T1_RA_0_ES_1_noport.bag", "empty-1"),
@@ -63,8 +64,8 @@ def write_bag(recording: Recording, path, rig: Rig = RIG) -> None:
     else:
         joints = np.tile([0.0, -1.6, 1.6, -1.6, -1.6, 0.0], (len(t_us), 1))
     with atomic(path) as temporary:
-        others = tf.messages(t_us + START_US, joints)
-        rosbag.write(shifted(recording, START_US), temporary, others, calibrated=False)
+        others = tf.arm_messages(t_us + START_US, joints)
+        rosbag.write(shift_time(recording, START_US), temporary, others, calibrated=False)
 
 
 def arm_poses(T_cam_port: Pose, rig: Rig = RIG) -> Pose:
@@ -72,7 +73,7 @@ def arm_poses(T_cam_port: Pose, rig: Rig = RIG) -> Pose:
     return rig.T_cam_root.inverse @ T_cam_port @ rig.T_tip_port.inverse
 
 
-def shifted(recording: Recording, by_us: int) -> Recording:
+def shift_time(recording: Recording, by_us: int) -> Recording:
     """The same recording at another time."""
     events = recording.events.copy()
     events["t_us"] += by_us
@@ -97,15 +98,15 @@ def write_set(folder, seconds: float, report=print) -> None:
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (BOARD, *(name for name, _ in NAMES)):
+        for name in (BOARD, *(name for name, _ in STAND_INS)):
             (folder / name).parent.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot write ({error.strerror}); choose another folder") from None
     write_hand_eye(folder / authors_bags.HAND_EYE)
     board = folder / BOARD
     if not board.exists():
-        write_bag(board_recording(Camera.davis346()), board)
-    for name, stands_in in NAMES:
+        write_bag(simulate_checkerboard(Camera.davis346()), board)
+    for name, stands_in in STAND_INS:
         if not (folder / name).exists():
             parts = (folder / name).with_suffix(".parts")
             write_bag(sequences.simulate(stands_in, seconds, parts=parts), folder / name)
@@ -113,9 +114,10 @@ def write_set(folder, seconds: float, report=print) -> None:
         report(f"{folder / name}: {stands_in}, {(folder / name).stat().st_size / 1e6:.0f} MB")
 
 
-def detections(name: str, seconds: float, rng: np.random.Generator, rig: Rig = RIG, rate_hz: float = 10.0,
-               noise_m: float = 0.002, noise_rad: float = np.deg2rad(1.0), outliers: float = 0.05,
-               scale: float = 1.0) -> tuple[list[Estimate], Trajectory]:  # fmt: skip
+def simulate_detections(name: str, seconds: float, rng: np.random.Generator, rig: Rig = RIG,
+                        rate_hz: float = 10.0, noise_m: float = 0.002, noise_rad: float = np.deg2rad(1.0),
+                        outliers: float = 0.05,
+                        scale: float = 1.0) -> tuple[list[Estimate], ArmMotion]:  # fmt: skip
     """What an estimator with the usual errors would say of a sequence, without images; and the arm's motion.
 
     Yaw is known modulo the port's symmetry, a share of ``outliers`` is anywhere, and positions are
@@ -126,9 +128,9 @@ def detections(name: str, seconds: float, rng: np.random.Generator, rig: Rig = R
     estimates (all with a pose), and ``T_root_tip``
     """
     seq, t_us = sequence(name), np.arange(0, seconds * 1e6, 1e6 / ARM_HZ).astype(np.int64)
-    motion_of_arm = Trajectory(t_us, arm_poses(motion(seq, t_us * 1e-6), rig))
+    motion_of_arm = ArmMotion(t_us, arm_poses(sequence_motion(seq, t_us * 1e-6), rig))
     seen_us = np.arange(5e4, t_us[-1], 1e6 / rate_hz).astype(np.int64)
-    T, count = motion(seq, seen_us * 1e-6), len(seen_us)
+    T, count = sequence_motion(seq, seen_us * 1e-6), len(seen_us)
     turn = Rotation.from_rotvec(rng.normal(0, noise_rad, (count, 3))).as_matrix()
     rotation = (
         turn @ T.rotation @ rotation_z(rig.port.yaw_period_rad * rng.integers(0, rig.port.symmetry, count))
@@ -142,7 +144,7 @@ def detections(name: str, seconds: float, rng: np.random.Generator, rig: Rig = R
     return found, motion_of_arm
 
 
-def board_recording(camera: Camera, corners: tuple[int, int] = (8, 5), square_m: float = 0.03,
+def simulate_checkerboard(camera: Camera, corners: tuple[int, int] = (8, 5), square_m: float = 0.03,
                     views: int = 16, seed: int = 0) -> Recording:  # fmt: skip
     """A checkerboard held before the camera, without events: a raw calibration recording."""
     rng = np.random.default_rng(seed)

@@ -28,13 +28,13 @@ GLANCE_S = 5.0  # of a bag, where only its frames are asked for
 ENDS = ((ur5e.BASE, ur5e.EFFECTOR), ("base", "tool0_controller"))  # what a UR's driver may call its two ends
 
 
-def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> Trajectory:
+def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> ur5e.ArmMotion:
     """``T_root_tip`` of a bag's arm, or of its first ``seconds``.
 
     Raises `InputError` that names the missing topic or link, or one on a loop.
     """
     path = Path(path)
-    links, joints = read(path, seconds)
+    links, joints = read_transforms(path, seconds)
     chain = _chain(links, root, tip)
     for parent, child, _ in chain or ():
         if _chain(links.keys() - {(parent, child)}, root, tip):
@@ -67,16 +67,16 @@ def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> Trajectory
     for link, backward in parts:
         at = link.at(t_us) if len(link) > 1 else link.T_cam_port[0]
         T = T @ (at.inverse if backward else at)
-    return Trajectory(t_us, T)
+    return ur5e.ArmMotion(t_us, T)
 
 
-def ends_of(path) -> tuple[str, str]:
+def arm_ends(path) -> tuple[str, str]:
     """(base, effector) as this bag's /tf names them: the first of `ENDS` that it knows."""
-    frames = {frame for pair in read(path, GLANCE_S)[0] for frame in pair}
+    frames = {frame for pair in read_transforms(path, GLANCE_S)[0] for frame in pair}
     return next((ends for ends in ENDS if frames & {ends[0]} or frames & {ends[1]}), ENDS[0])
 
 
-def read(
+def read_transforms(
     path, seconds: float = np.inf
 ) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
     """All links of /tf and /tf_static by (parent, child), and joints by name: times and angles.
@@ -186,8 +186,8 @@ def _gap(links, joints, root: str, tip: str) -> str:
             "give a bag with the whole arm")  # fmt: skip
 
 
-def messages(t_us, joints_rad) -> list[tuple]:
-    """Topics /tf and /joint_states of a UR5e at times (N,) with joint angles (N, 6), for `bags.write`."""
+def arm_messages(t_us, joints_rad) -> list[tuple]:
+    """Topics /tf and /joint_states of a UR5e at times (N,) with joint angles (N, 6), for `rosbag.write`."""
     links = [(ur5e.LINKS[k], ur5e.LINKS[k + 1], ur5e.joint_link(k, joints_rad[:, k])) for k in range(6)]
     fixed = [(p, c, T[None].rotation, T[None].position_m) for (p, c), T in ur5e.FIXED.items()]
     moving = [(p, c, T.rotation, T.position_m) for p, c, T in links]

@@ -104,7 +104,7 @@ def follow(T_base_tool: Pose) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Along:
+class ArmSamples:
     """An arm at N times: ``T_root_tip`` (N,), and its velocity (N, 6) in the root's axes, m/s and rad/s."""
 
     T_root_tip: Pose
@@ -114,11 +114,25 @@ class Along:
         return len(self.T_root_tip)
 
 
-def along(motion: Trajectory, t_us) -> Along:
-    """An arm's trajectory ``T_root_tip`` at times (N,) inside it."""
-    t_us = np.asarray(t_us, np.int64)
-    a, b = (np.clip(t_us + s, motion.t_us[0], motion.t_us[-1]) for s in (-STEP_US, STEP_US))
-    before, after, seconds = motion.at(a), motion.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
-    turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
-    velocity = np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
-    return Along(motion.at(t_us), velocity)
+@dataclass(frozen=True)
+class ArmMotion:
+    """Poses ``T_root_tip`` of one end of an arm in the other, at strictly increasing times ``t_us`` (N,)."""
+
+    t_us: np.ndarray
+    T_root_tip: Pose
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+    def at(self, t_us) -> Pose:
+        """``T_root_tip`` at times inside the motion, interpolated as `Trajectory.at` does."""
+        return Trajectory(self.t_us, self.T_root_tip).at(t_us)
+
+    def sample(self, t_us) -> ArmSamples:
+        """Poses and velocities at times (N,) inside the motion."""
+        t_us = np.asarray(t_us, np.int64)
+        a, b = (np.clip(t_us + s, self.t_us[0], self.t_us[-1]) for s in (-STEP_US, STEP_US))
+        before, after, seconds = self.at(a), self.at(b), np.maximum(b - a, 1)[:, None] * 1e-6
+        turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, -1, -2)).as_rotvec()
+        velocity = np.hstack([(after.position_m - before.position_m) / seconds, turn / seconds])
+        return ArmSamples(self.at(t_us), velocity)

@@ -7,7 +7,7 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from ..bench import sequences, simulate
+from ..bench import laboratory, sequences, simulate
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision, shipped_gaps
 from ..pipeline.run import estimate, in_time
@@ -113,7 +113,7 @@ def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
 
 
 def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures=None) -> None:
-    seconds = sequences.SECONDS[profile][kind := name.split("-")[0]]
+    seconds = laboratory.SECONDS[profile][kind := name.split("-")[0]]
     recording = recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
     facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz

@@ -21,8 +21,8 @@ from ..recordings.pose_files import read_estimates
 from ..recordings.resumable import Journal
 from ..recordings.stream import Stream
 from ..rig import authors_bags, calibration, tf
-from ..rig.authors_bags import Bag
-from ..rig.rig import NAME, Rig, read_hand_eye
+from ..rig.authors_bags import AuthorsBag
+from ..rig.rig import RIG_FILE, Rig, read_hand_eye
 from ..training import dataset
 from ..types import Estimate, InputError, Port
 from . import odometry, pose_errors
@@ -44,10 +44,10 @@ def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> 
     return read_estimates(kept) if journal.statuses else []
 
 
-def survey(folder) -> tuple[list[Bag], list[str]]:
+def survey(folder) -> tuple[list[AuthorsBag], list[str]]:
     """The bags that can be used, and a line for each that cannot."""
-    rows = list(authors_bags.check(folder))
-    good = [authors_bags.describe(Path(folder) / row["bag"]) for row in rows if not row["problem"]]
+    rows = list(authors_bags.check_bags(folder))
+    good = [authors_bags.describe_bag(Path(folder) / row["bag"]) for row in rows if not row["problem"]]
     return good, [f"{row['bag']}: {row['problem']}" for row in rows if row["problem"]]
 
 
@@ -75,7 +75,7 @@ def reproduce(folder, report=print) -> Path:
     rig = _rig(Path(folder), out, roles, report) if roles["test"] or roles["hard"] else None
     port = rig.port if rig else Port.lm_map()
     facts = {"recordings": out.name, "bags": len(bags), "left_out": left_out,
-             "rig": rig.calibrated if rig else None}  # fmt: skip
+             "rig": rig.calibration if rig else None}  # fmt: skip
     tables = {name: [] for name in ("errors", "hard", "false", "odometry")}
     for bag in (*roles["test"], *roles["hard"], *roles["empty"]):
         try:
@@ -93,7 +93,9 @@ def reproduce(folder, report=print) -> Path:
     return out
 
 
-def _studies(bag: Bag, label: str, rig: Rig | None, port: Port, out: Path, tables: dict, report) -> None:
+def _studies(
+    bag: AuthorsBag, label: str, rig: Rig | None, port: Port, out: Path, tables: dict, report
+) -> None:
     """Add one bag to the tables."""
     stream = open_stream(bag.path)
     if bag.role != "empty":
@@ -124,7 +126,9 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
     names = []
     for bag in some:
         stream = replace(open_stream(bag.path), truth=rig.truth(bag.path))
-        names += dataset.make_recorded(stream, _label(Path(folder), bag), out / "training", rig.port, report)
+        names += dataset.make_recording_samples(
+            stream, _label(Path(folder), bag), out / "training", rig.port, report
+        )
     if len(names) < 5:
         raise InputError(f"{folder}: {len(names)} pieces of training bags, 5 are needed; give longer bags")
     return names, out / "training"
@@ -132,36 +136,38 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
 
 def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     """The folder's rig; without one, that of its training bags, or for want of them of the tests."""
-    if (folder / NAME).exists():
-        report(f"rig: {NAME} of {folder.name}")
-        return Rig.load(folder / NAME)
+    if (folder / RIG_FILE).exists():
+        report(f"rig: {RIG_FILE} of {folder.name}")
+        return Rig.load(folder / RIG_FILE)
     some = sorted(roles["train"], key=lambda b: b.textured)[:CALIBRATION_BAGS]
     if not some:
         some = (roles["test"] or roles["hard"])[:CALIBRATION_BAGS]
         report("rig: no training bag; calibrating on bags that are tested on, which flatters the errors")
     path = authors_bags.hand_eye_file(folder)
     hand_eye, port = read_hand_eye(path) if path else None, Port.lm_map()
-    ends = hand_eye.ends if hand_eye else tf.ends_of(some[0].path)
+    ends = hand_eye.ends if hand_eye else tf.arm_ends(some[0].path)
     camera = open_stream(some[0].path).camera
     dates = [b.path.stat().st_mtime_ns for b in some]
-    made = kept_in(out / NAME, some[0].path, dates, camera, path and path.read_text())
+    made = kept_in(out / RIG_FILE, some[0].path, dates, camera, path and path.read_text())
     if made.exists():
         report("rig: as calibrated before")
         return Rig.load(made)
-    parts, seconds = [], sum(authors_bags.contents(bag.path)["seconds"] for bag in some)
+    parts, seconds = [], sum(authors_bags.bag_contents(bag.path)["seconds"] for bag in some)
     for bag in some:
         motion, stream = tf.arm_motion(bag.path, *ends), open_stream(bag.path, camera)
         estimator = Estimator(camera, port, "rgb", "low", fitting(camera))
         kept = kept_in(out / f"rig-{_label(folder, bag)}.csv", bag.path, camera)
-        parts.append(calibration.detected(detect(stream, estimator, CALIBRATED_ON / seconds, kept), motion))
-    rig = calibration.calibrate(parts, port, ends, hand_eye.T_frame_cam.inverse if hand_eye else None)
-    rig.calibrated["recordings"] = [bag.path.name for bag in some]
+        parts.append(
+            calibration.collect_detections(detect(stream, estimator, CALIBRATED_ON / seconds, kept), motion)
+        )
+    rig = calibration.calibrate_rig(parts, port, ends, hand_eye.T_frame_cam.inverse if hand_eye else None)
+    rig.calibration["recordings"] = [bag.path.name for bag in some]
     rig.save(made)
-    report(f"rig: calibrated on {', '.join(rig.calibrated['recordings'])}")
+    report(f"rig: calibrated on {', '.join(rig.calibration['recordings'])}")
     return rig
 
 
-def _label(folder: Path, bag: Bag) -> str:
+def _label(folder: Path, bag: AuthorsBag) -> str:
     return str(bag.path.relative_to(folder).with_suffix("")).replace("/", "--")
 
 
@@ -198,7 +204,7 @@ def _estimates(stream, label, port, modality, gap, out, report) -> list[Estimate
     return found
 
 
-def _study(bag: Bag, stream: Stream, found, port: Port, modality: str, gap: str, tables: dict) -> None:
+def _study(bag: AuthorsBag, stream: Stream, found, port: Port, modality: str, gap: str, tables: dict) -> None:
     """Add what one bag says, to the rows of its study."""
     row = {"bag": bag.path.name, "light": bag.light, "modality": modality, "images": len(found)}
     poses, rings = (sum(x is not None for x in some) for some in

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ..bench import photometry, sequences
+from ..bench import labels, photometry, sequences
 from ..geometry.projection import in_view
 from ..pipeline.run import true_poses
 from ..provenance import DATA
@@ -146,9 +146,9 @@ def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz)
     times_us = recording.frames_t_us[::every]
     frames = zip(times_us.tolist(), recording.truth.at(times_us), recording.frames[::every], strict=True)
     for t_us, pose, frame in frames:
-        region = sequences.label_masks(pose, port, recording.camera).any(0)
+        region = labels.label_masks(pose, port, recording.camera).any(0)
         if region.any():
-            rows.append((t_us, *photometry.saturation(frame, region)))
+            rows.append((t_us, *photometry.roi_saturation_percent(frame, region)))
     return pd.DataFrame(rows, columns=["t_us", "low", "high"])
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ..bench import sequences
+from ..bench import labels, sequences
 from ..bench.renderer import ray_grid
 from ..pipeline.histograms import joined
 from ..pipeline.network import FILTERS
@@ -28,7 +28,7 @@ SEQUENCE_SECONDS, SAMPLES = 0.8, 5
 EXCERPT_EVERY_S = 4.0  # between pieces of a long recording: neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
-BENCH = made_by("bench.sequences")
+BENCH = made_by("bench.sequences", "bench.labels")
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
 SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL}
@@ -39,7 +39,9 @@ def split(names: list[str]) -> tuple[list[str], list[str]]:
     return [n for i, n in enumerate(names) if i % 5 != 4], names[4::5]
 
 
-def samples(recording: Recording, count: int = SAMPLES, port: Port | None = None) -> dict[str, np.ndarray]:
+def sample_recording(
+    recording: Recording, count: int = SAMPLES, port: Port | None = None
+) -> dict[str, np.ndarray]:
     """Images and labels at ``count`` times of a recording whose truth is known.
 
     Returns
@@ -51,15 +53,15 @@ def samples(recording: Recording, count: int = SAMPLES, port: Port | None = None
     camera, port = recording.camera, port or Port.lm_map()
     rays, shape = ray_grid(camera, 4), recording.camera.size_px[::-1]
 
-    def labels(times_us):
+    def masks_at(times_us):
         poses = recording.truth.at(np.asarray(times_us, np.int64))
-        masks = [sequences.label_masks(pose, port, camera, rays).astype(np.uint8) for pose in poses]
+        masks = [labels.label_masks(pose, port, camera, rays).astype(np.uint8) for pose in poses]
         return np.array([m[0] | m[1] << 1 for m in masks], np.uint8).reshape(-1, *shape)
 
     pick = _spread(len(recording.frames), count)
     events, middles_us = _events(recording, count)
-    return {"rgb": recording.frames[pick], "rgb_labels": labels(recording.frames_t_us[pick]),
-            "event": events, "event_labels": labels(middles_us)}  # fmt: skip
+    return {"rgb": recording.frames[pick], "rgb_labels": masks_at(recording.frames_t_us[pick]),
+            "event": events, "event_labels": masks_at(middles_us)}  # fmt: skip
 
 
 def _events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
@@ -110,7 +112,7 @@ def excerpts(stream: Stream, starts_us, length_us: int) -> Iterator[Recording]:
         yield Recording(stream.name, stream.camera, events[first:last], images, times_us, stream.truth)
 
 
-def make_recorded(stream: Stream, label: str, folder: Path, port: Port, report=print) -> list[str]:
+def make_recording_samples(stream: Stream, label: str, folder: Path, port: Port, report=print) -> list[str]:
     """Samples of a recording whose truth is known, in ``folder/LABEL-0000`` and so on; the names.
 
     Masks come from the truth and the CAD, as the paper's do.  What is there already is kept.
@@ -121,7 +123,7 @@ def make_recorded(stream: Stream, label: str, folder: Path, port: Port, report=p
     absent = [(name, t) for name, t in zip(names, starts_us, strict=True) if not (folder / name).is_dir()]
     pieces = excerpts(stream, [t for _, t in absent], length_us)
     for done, ((name, _), piece) in enumerate(zip(absent, pieces, strict=True), 1):
-        write_samples(folder / name, samples(piece, SAMPLES, port), "recordings")
+        write_samples(folder / name, sample_recording(piece, SAMPLES, port), "recordings")
         report(f"training set: {name}, {done} of {len(absent)}")
     return names
 
@@ -138,19 +140,22 @@ def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = ""
     return folder
 
 
-def make_sequence(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS, count: int = SAMPLES) -> Path:
+def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS,
+                          count: int = SAMPLES) -> Path:  # fmt: skip
     """Simulate a sequence and keep its samples in ``folder/NAME``, unless they are there."""
     if not (folder / name).is_dir():
         recording = sequences.simulate(name, seconds)
-        write_samples(folder / name, samples(recording, count), fingerprint(patterns=BENCH))
+        write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))
     return folder / name
 
 
-def make(names: Iterable[str], folder: Path, processes: int | None = None, report=print, **size) -> None:
-    """Make the samples of many sequences in parallel (``size``: seconds and count of `make_sequence`);
+def make_samples(
+    names: Iterable[str], folder: Path, processes: int | None = None, report=print, **size
+) -> None:
+    """Make the samples of many sequences in parallel (``size`` goes to `make_sequence_samples`);
     memory holds one sequence per process, and an interrupted run goes on where it was."""
     absent = [name for name in names if not (folder / name).is_dir()]
-    tasks = [joblib.delayed(make_sequence)(name, folder, **size) for name in absent]
+    tasks = [joblib.delayed(make_sequence_samples)(name, folder, **size) for name in absent]
     done = joblib.Parallel(processes or os.cpu_count(), return_as="generator_unordered")(tasks)
     for i, path in enumerate(done):
         report(f"training set: {path.name}, {i + 1} of {len(absent)}")
@@ -168,7 +173,7 @@ class Samples:
     ----------
     names : sequences; those without samples of this modality count for nothing
     filter_name, modality : one of `FILTERS`; ``"rgb"`` or ``"event"``
-    folder : where `make` wrote
+    folder : where `make_samples` wrote
     """
 
     def __init__(self, names: list[str], filter_name: str, modality: str, folder: Path):

@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from skimage.morphology import skeletonize
 
-from ..bench import sequences
+from ..bench import labels
 from ..bench.renderer import ray_grid
 from ..geometry.projection import circle_points_m, in_view, project
 from ..pipeline import ellipse, run
@@ -83,7 +83,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
         nets = {(gap, name): load_filter(weight_path(name, modality, gap), modality, precision)
                 for gap in domain_gaps for name in FILTERS}  # fmt: skip
         for t_us, image, pose in _seen(recording, modality, port, settings, most):
-            truth = dict(zip(FILTERS, sequences.label_masks(pose, port, recording.camera, rays), strict=True))
+            truth = dict(zip(FILTERS, labels.label_masks(pose, port, recording.camera, rays), strict=True))
             lines = dict(zip(FILTERS, middle_lines_px(pose, port, recording.camera), strict=True))
             for (gap, name), net in nets.items():
                 values, true = net(image), truth[name]

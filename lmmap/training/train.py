@@ -38,7 +38,7 @@ CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out image
 MOST_VALIDATED = 128  # images of the last validation, spread evenly
 
 
-def batch(samples: dataset.Samples, recipe: Recipe, step: int):
+def make_batch(samples: dataset.Samples, recipe: Recipe, step: int):
     """Crops of step ``step``: a function of the recipe's seed and the step alone, so runs resume.
 
     Returns
@@ -112,7 +112,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         They are of half precision and Adam's moments are lost, so the card says it.
     """
     names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
-    dataset.make(names, folder, report=report)
+    dataset.make_samples(names, folder, report=report)
     samples, held_out = (
         dataset.Samples(some, recipe.filter, recipe.modality, folder) for some in dataset.split(names)
     )
@@ -135,7 +135,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     since, running = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
-            running.append(_step(net, adam, batch(samples, recipe, step), recipe, step))
+            running.append(_step(net, adam, make_batch(samples, recipe, step), recipe, step))
             last = step + 1 == recipe.steps
             if last or (step + 1) % every == 0:
                 curve.append({"step": step + 1, "training_loss": round(float(np.mean(running)), 6),

@@ -15,11 +15,13 @@ def test_shares_by_hand():
     frame[1, 1], frame[1, 2], frame[2, 1] = 0, (9, 9, 10), (0, 0, 250)  # brightest channel: 0, 10, 250
     region = np.zeros((4, 5), bool)
     region[1, 1] = region[2, 2] = True  # a box of 2 x 2
-    assert photometry.saturation(frame, region) == (25.0, 25.0)
+    assert photometry.roi_saturation_percent(frame, region) == (25.0, 25.0)
 
 
 def test_published_rows():
-    assert photometry.published() == pytest.approx(np.array([[55.3, 0.0], [23.2, 1.7], [0.1, 12.1]]))
+    assert photometry.paper_saturation_percent() == pytest.approx(
+        np.array([[55.3, 0.0], [23.2, 1.7], [0.1, 12.1]])
+    )
 
 
 def test_the_bench_has_the_committed_strengths():
@@ -33,6 +35,8 @@ def test_more_light_makes_less_black_and_more_white(monkeypatch):
     monkeypatch.setattr(photometry, "TRAJECTORIES", ("realistic-1",))
     images, regions = photometry.lamp_images(Camera.davis346(), Port.lm_map())
     assert len(images) == len(regions) == 1
-    dim, bright = (photometry.shares(images, regions, g, 100.0, 1000.0) for g in (0.03, 0.06))
+    dim, bright = (
+        photometry.mean_saturation_percent(images, regions, g, 100.0, 1000.0) for g in (0.03, 0.06)
+    )
     assert np.all(bright[:, 0] <= dim[:, 0]) and np.all(bright[:, 1] >= dim[:, 1])
     assert np.any(bright != dim)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lmmap.bench import sequences
+from lmmap.bench import labels, laboratory, sequences
 from lmmap.geometry.projection import circle_points_m, project
 from lmmap.types import Camera, InputError, Port
 
@@ -79,28 +79,30 @@ def test_impossible_lengths(seconds):
 
 def test_test_sequences_differ_in_light_alone():
     t = np.linspace(0, 5, 11)
-    low, high = (sequences.motion(sequences.sequence(f"test-{level}"), t) for level in ("low", "high"))
+    low, high = (
+        laboratory.sequence_motion(laboratory.sequence(f"test-{level}"), t) for level in ("low", "high")
+    )
     assert np.array_equal(low.position_m, high.position_m)
     assert np.array_equal(low.rotation, high.rotation)
-    training = sequences.motion(sequences.sequence("realistic-1"), t)
+    training = laboratory.sequence_motion(laboratory.sequence("realistic-1"), t)
     assert not np.allclose(training.position_m, low.position_m)
 
 
 def test_speeds_are_an_arms():
     for name in ("test-low", "realistic-3", "augmented-5"):
         t = np.linspace(0, 60, 6001)
-        pose = sequences.motion(sequences.sequence(name), t)
+        pose = laboratory.sequence_motion(laboratory.sequence(name), t)
         speed = np.linalg.norm(np.diff(pose.position_m, axis=0), axis=1) / 0.01
         assert speed.max() < 0.5  # m/s
     t = np.linspace(0, 10, 101)
-    slow = sequences.motion(sequences.sequence("hard-slow"), t)
+    slow = laboratory.sequence_motion(laboratory.sequence("hard-slow"), t)
     assert np.linalg.norm(np.diff(slow.position_m, axis=0), axis=1) / 0.1 == pytest.approx(0.0015)
 
 
 def test_motion_between_renders_stays_under_a_pixel():
-    seq, port, camera = sequences.sequence("test-low"), Port.lm_map(), Camera.davis346()
+    seq, port, camera = laboratory.sequence("test-low"), Port.lm_map(), Camera.davis346()
     times = sequences.render_times_us(seq, port, camera, 3.0)
-    poses = sequences.motion(seq, times * 1e-6)
+    poses = laboratory.sequence_motion(seq, times * 1e-6)
     ring = circle_points_m(port.ring_outer_radius_m, 12)
     points = project(np.einsum("nij,kj->nki", poses.rotation, ring) + poses.position_m[:, None], camera)
     assert np.linalg.norm(np.diff(points, axis=0), axis=-1).max() < 1.0
@@ -109,8 +111,8 @@ def test_motion_between_renders_stays_under_a_pixel():
 def test_labels_are_the_projected_cad():
     """Ring and markers of the ray caster against OpenCV's polygons, where nothing hides them."""
     port, camera = Port.lm_map(), Camera.davis346()
-    pose = sequences.motion(sequences.sequence("test-low"), np.array([0.5]))[0]
-    ring, markers = sequences.label_masks(pose, port, camera)
+    pose = laboratory.sequence_motion(laboratory.sequence("test-low"), np.array([0.5]))[0]
+    ring, markers = labels.label_masks(pose, port, camera)
     drawn = np.zeros((2, 260, 346), np.uint8)
     for radius, value in ((port.ring_outer_radius_m, 1), (port.ring_inner_radius_m, 0)):
         polygon = project(pose @ circle_points_m(radius, 180), camera)

@@ -10,7 +10,7 @@ SIZE_M = (0.34, 0.22)
 
 def skins():
     film = {metal: lambda rng, m=metal: materials.film(SIZE_M, (0, 0), rng, m) for metal in materials.METALS}
-    return [*film.values(), lambda rng: materials.textured(SIZE_M, rng)]
+    return [*film.values(), lambda rng: materials.textured_cover(SIZE_M, rng)]
 
 
 @pytest.mark.parametrize("make", skins())

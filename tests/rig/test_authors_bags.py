@@ -16,7 +16,7 @@ from lmmap.files import CAMERA
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_stream, write_npz
 from lmmap.rig import authors_bags, calibration, checkerboard, standin
-from lmmap.rig.rig import NAME, Rig
+from lmmap.rig.rig import RIG_FILE, Rig
 from lmmap.studies import on_authors_bags
 from lmmap.types import Camera, InputError, Trajectory
 
@@ -26,7 +26,7 @@ MINI = DATA / "mini" / "test-low.aedat4"
 def brief(seconds: float = 0.4):
     """The first images of the committed recording, from time zero."""
     whole = open_recording(MINI)
-    whole = standin.shifted(whole, -int(whole.truth.t_us[0]))
+    whole = standin.shift_time(whole, -int(whole.truth.t_us[0]))
     end_us = int(seconds * 1e6)
     truth, frames = whole.truth, whole.frames_t_us < end_us
     kept = truth.t_us <= end_us + 100_000
@@ -65,16 +65,16 @@ def run(capsys, *argv):
     ("dataset_0307/dvs_calibration.bag", "calibration", None, False),
 ])  # fmt: skip
 def test_a_name_says_role_and_light(name, role, light, textured):
-    bag = authors_bags.describe(name)
+    bag = authors_bags.describe_bag(name)
     assert (bag.role, bag.light, bag.textured) == (role, light, textured)
 
 
 def test_every_stand_in_has_a_published_name():
-    bags = [authors_bags.describe(name) for name, _ in standin.NAMES]
+    bags = [authors_bags.describe_bag(name) for name, _ in standin.STAND_INS]
     assert {b.role for b in bags} == {"train", "test", "hard", "empty"}
     lights = {b.light for b in bags if b.role == "test"}
     assert lights == {"low", "medium", "high"}
-    assert "its name says neither" in line(authors_bags.describe, Path("holiday.bag"))
+    assert "its name says neither" in line(authors_bags.describe_bag, Path("holiday.bag"))
 
 
 def test_the_truth_of_a_stand_in_is_the_benchs(folder):
@@ -85,17 +85,17 @@ def test_the_truth_of_a_stand_in_is_the_benchs(folder):
     np.testing.assert_allclose(truth.rotation, recording.truth.T_cam_port.rotation, atol=1e-9)
     again = stream.collect()
     assert np.array_equal(again.frames, recording.frames) and len(again.events) == len(recording.events)
-    assert set(authors_bags.contents(bag)["topics"]) == {
+    assert set(authors_bags.bag_contents(bag)["topics"]) == {
         authors_bags.EVENTS, authors_bags.FRAMES, authors_bags.TF, authors_bags.STATES
     }  # fmt: skip
 
 
 def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsys):
-    bag, rig = folder / "dataset_0307_notexture" / "dark__test.bag", folder / NAME
+    bag, rig = folder / "dataset_0307_notexture" / "dark__test.bag", folder / RIG_FILE
     code, _, err = run(capsys, "evaluate", bag, "--modality", "rgb")
     assert code == 1 and "lmmap calibrate" in err
     standin.RIG.save(rig)
-    write_npz(standin.shifted(brief(), standin.START_US), tmp_path / "direct.npz")
+    write_npz(standin.shift_time(brief(), standin.START_US), tmp_path / "direct.npz")
     numbers = []
     for path in (bag, tmp_path / "direct.npz"):
         code, out, _ = run(capsys, "evaluate", path, "--json")
@@ -109,7 +109,7 @@ def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsy
 
 def test_calibrating_a_bag(folder, capsys, monkeypatch):
     """Some seconds of frames, with the camera from the file: the port to some mm; detections are kept."""
-    bag, rig = folder / "dataset_0307_notexture" / "normal__train.bag", folder / NAME
+    bag, rig = folder / "dataset_0307_notexture" / "normal__train.bag", folder / RIG_FILE
     standin.write_bag(sequences.simulate("test-low", 3.0), bag)
     argv = ("calibrate", bag, "-o", rig, "--rate")
     code, _, err = run(capsys, *argv, "2")
@@ -118,14 +118,14 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert code == 0 and "from the hand-eye file" in out and not err
     found, wanted = Rig.load(rig), standin.RIG
     assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
-    assert 0 < found.calibrated["port_sigma_mm"] < 3
+    assert 0 < found.calibration["port_sigma_mm"] < 3
     assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
-    assert found.calibrated["recordings"] == ["normal__train.bag"]
+    assert found.calibration["recordings"] == ["normal__train.bag"]
     for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
         code, _, err = run(capsys, *argv, *bad)
         assert code == 1 and err.count("\n") == 1
     monkeypatch.setattr(on_authors_bags.Estimator, "__call__", None)  # nothing is estimated twice
-    monkeypatch.setattr(calibration, "calibrate", lambda *_: found)
+    monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: found)
     code, out, _ = run(capsys, *argv, "30", "--json")
     assert code == 0 and json.loads(out)["root"] == "base_link"
     code, _, err = run(capsys, *argv, "30", "--hand-eye", folder / CAMERA)
@@ -138,7 +138,7 @@ def test_a_camera_that_is_missing_is_said(folder, tmp_path, capsys):
     """What a bag lacks is a note where the other camera answers, and one line where none does."""
     for name in (authors_bags.HAND_EYE, CAMERA):
         shutil.copy(folder / name, tmp_path)
-    standin.RIG.save(tmp_path / NAME)
+    standin.RIG.save(tmp_path / RIG_FILE)
     bag, whole = tmp_path / "dark__test.bag", brief(0.2)
     standin.write_bag(replace(whole, events=whole.events[:0]), bag)
     code, out, err = run(capsys, "evaluate", bag)
@@ -149,7 +149,7 @@ def test_a_camera_that_is_missing_is_said(folder, tmp_path, capsys):
 
 
 def test_stand_ins_are_written_once(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(standin, "NAMES", standin.NAMES[4:5])
+    monkeypatch.setattr(standin, "STAND_INS", standin.STAND_INS[4:5])
     argv = ("simulate", "--as-published", tmp_path / "set", "--seconds", "0.2")
     code, out, err = run(capsys, *argv)
     bag = tmp_path / "set" / "dataset_0307_notexture" / "dark__test.bag"
@@ -191,13 +191,13 @@ def test_check_says_what_is_usable(folder, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "a.tar").touch()
     with pytest.raises(InputError, match="unpack"):
-        authors_bags.bags(tmp_path / "empty")
+        authors_bags.list_bags(tmp_path / "empty")
 
 
 def test_intrinsics_from_a_board(tmp_path, capsys):
     camera = Camera(346, 260, 330.0, 328.0, 170.0, 131.0, (-0.3, 0.1, 0.001, -0.0008))
-    recording = standin.board_recording(camera, views=12)
-    found, facts = checkerboard.calibrate(recording.timed_frames(), (8, 5), 0.03)
+    recording = standin.simulate_checkerboard(camera, views=12)
+    found, facts = checkerboard.calibrate_intrinsics(recording.timed_frames(), (8, 5), 0.03)
     assert facts["rms_px"] < 0.15 and facts["views"] >= 8
     wanted = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     values = np.array([found.fx_px, found.fy_px, found.cx_px, found.cy_px])
@@ -211,4 +211,4 @@ def test_intrinsics_from_a_board(tmp_path, capsys):
     code, _, err = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "big")
     assert code == 1 and "inner corners" in err and err.count("\n") == 1
     with pytest.raises(ValueError, match="7 x 7 inner corners is seen in 0 views"):
-        checkerboard.calibrate([(0, recording.frames[0])], (7, 7), 0.03)
+        checkerboard.calibrate_intrinsics([(0, recording.frames[0])], (7, 7), 0.03)

@@ -6,13 +6,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from strategies import PORT
 
-from lmmap.bench.laboratory import motion, sequence
+from lmmap.bench.laboratory import sequence, sequence_motion
 from lmmap.geometry.projection import rotation_between_rad, rotation_z
 from lmmap.rig import hand_eye as handeye
 from lmmap.rig import standin
-from lmmap.rig.calibration import calibrate, detected
-from lmmap.rig.ur5e import along
-from lmmap.types import Pose, Trajectory
+from lmmap.rig.calibration import calibrate_rig, collect_detections
+from lmmap.rig.ur5e import ArmMotion
+from lmmap.types import Pose
 
 PERIOD = PORT.yaw_period_rad
 
@@ -20,10 +20,10 @@ PERIOD = PORT.yaw_period_rad
 def world(X: Pose, Y: Pose, name="realistic-1", seconds=30.0, count=60, delay_s=0.0):
     """Noise-free detections (count,) of a bench trajectory, and the arm along it."""
     t_us = np.arange(0, seconds * 1e6, 8000).astype(np.int64)
-    arm = Trajectory(t_us, X.inverse @ motion(sequence(name), t_us * 1e-6) @ Y.inverse)
+    arm = ArmMotion(t_us, X.inverse @ sequence_motion(sequence(name), t_us * 1e-6) @ Y.inverse)
     seen_us = np.linspace(5e5, t_us[-1] - 5e5, count).astype(np.int64)
-    T_cam_port = motion(sequence(name), seen_us * 1e-6 + delay_s)
-    return T_cam_port, along(arm, seen_us)
+    T_cam_port = sequence_motion(sequence(name), seen_us * 1e-6 + delay_s)
+    return T_cam_port, arm.sample(seen_us)
 
 
 def assert_same(found: Pose, wanted: Pose, atol=1e-5):
@@ -78,10 +78,12 @@ def test_scale_and_delay_are_found():
 @pytest.mark.parametrize("name", ["realistic-1", "realistic-4"])
 def test_a_minute_of_usual_detections_is_enough(name, hand_eye):
     """2 mm, 1 deg, 5 % outliers, any of three yaws, a ring taken for 3 % too small."""
-    estimates, arm = standin.detections(name, 60.0, np.random.default_rng(5), scale=1.03)
+    estimates, arm = standin.simulate_detections(name, 60.0, np.random.default_rng(5), scale=1.03)
     known = standin.RIG.T_cam_root if hand_eye else None
-    rig = calibrate([detected(estimates, arm)], PORT, (standin.RIG.root, standin.RIG.tip), known)
-    wanted, facts = standin.RIG.T_tip_port, rig.calibrated
+    rig = calibrate_rig(
+        [collect_detections(estimates, arm)], PORT, (standin.RIG.root, standin.RIG.tip), known
+    )
+    wanted, facts = standin.RIG.T_tip_port, rig.calibration
     error_m = np.linalg.norm(rig.T_tip_port.position_m - wanted.position_m)
     error_rad = rotation_between_rad(rig.T_tip_port.rotation, wanted.rotation, PERIOD)
     assert error_m < 0.002 and error_rad < np.deg2rad(0.3)
@@ -94,12 +96,14 @@ def test_a_minute_of_usual_detections_is_enough(name, hand_eye):
 
 
 def test_a_wrong_hand_eye_file_is_doubted():
-    estimates, arm = standin.detections("realistic-1", 60.0, np.random.default_rng(6))
+    estimates, arm = standin.simulate_detections("realistic-1", 60.0, np.random.default_rng(6))
     T = standin.RIG.T_cam_root
     wrong = Pose(T.rotation, T.position_m + np.array([0.04, 0, 0]))
-    rig = calibrate([detected(estimates, arm)], PORT, (standin.RIG.root, standin.RIG.tip), wrong)
-    assert rig.calibrated["file_in_doubt"]
-    assert rig.calibrated["file_differs_mm"] == pytest.approx(40, abs=5)
+    rig = calibrate_rig(
+        [collect_detections(estimates, arm)], PORT, (standin.RIG.root, standin.RIG.tip), wrong
+    )
+    assert rig.calibration["file_in_doubt"]
+    assert rig.calibration["file_differs_mm"] == pytest.approx(40, abs=5)
 
 
 def test_what_cannot_be_decided_is_said():

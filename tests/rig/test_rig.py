@@ -11,8 +11,8 @@ from rosbags.rosbag1 import Writer
 
 from lmmap.recordings import rosbag
 from lmmap.rig import standin, tf, ur5e
-from lmmap.rig.rig import Rig, read_hand_eye, scaled
-from lmmap.types import InputError, Port, Trajectory
+from lmmap.rig.rig import Rig, read_hand_eye, scale_port
+from lmmap.types import InputError, Port
 
 T_US = (np.arange(40) * 8000 + 10**6).astype(np.int64)
 JOINTS = np.array([0.3, -1.5, 1.2, -0.4, 1.4, 3.0]) + 0.2 * np.sin(T_US[:, None] * 1e-6 * np.arange(1, 7))
@@ -20,7 +20,7 @@ JOINTS = np.array([0.3, -1.5, 1.2, -0.4, 1.4, 3.0]) + 0.2 * np.sin(T_US[:, None]
 
 def write_arm(path, without=(), joints=JOINTS):
     """A bag with nothing but an arm's /tf and /joint_states, less the topics or links in ``without``."""
-    topics = {topic: (kind, list(some)) for topic, kind, some in tf.messages(T_US, joints)}
+    topics = {topic: (kind, list(some)) for topic, kind, some in tf.arm_messages(T_US, joints)}
     with Writer(path) as bag:
         for topic, (kind, some) in topics.items():
             connection = bag.add_connection(topic, kind, typestore=rosbag.STORE)
@@ -39,11 +39,11 @@ def _edited(raw, edit):
     return bytes(rosbag.STORE.serialize_ros1(message, tf.TF[0]))
 
 
-def assert_moves_as(found: Trajectory, joints=JOINTS):
+def assert_moves_as(found: ur5e.ArmMotion, joints=JOINTS):
     wanted = ur5e.forward(joints)
     assert np.array_equal(found.t_us, T_US)
-    np.testing.assert_allclose(found.T_cam_port.position_m, wanted.position_m, atol=1e-12)
-    np.testing.assert_allclose(found.T_cam_port.rotation, wanted.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.T_root_tip.position_m, wanted.position_m, atol=1e-12)
+    np.testing.assert_allclose(found.T_root_tip.rotation, wanted.rotation, atol=1e-12)
 
 
 def test_the_chain_of_tf_is_forward_kinematics_and_back(tmp_path):
@@ -51,8 +51,8 @@ def test_the_chain_of_tf_is_forward_kinematics_and_back(tmp_path):
     there = tf.arm_motion(path, "base_link", "tool0")
     assert_moves_as(there)
     back = tf.arm_motion(path, "tool0", "base_link")
-    np.testing.assert_allclose((there.T_cam_port @ back.T_cam_port).position_m, 0, atol=1e-12)
-    assert tf.ends_of(path) == ("base_link", "tool0")
+    np.testing.assert_allclose((there.T_root_tip @ back.T_root_tip).position_m, 0, atol=1e-12)
+    assert tf.arm_ends(path) == ("base_link", "tool0")
 
 
 @pytest.mark.parametrize("lacks", [("forearm_link",), ("flange", "tool0", "base_link_inertia"), ("/tf",)])
@@ -80,10 +80,12 @@ def test_a_missing_arm_is_named(tmp_path):
     assert "no frames world and hand in /tf; it has base" in line(tf.arm_motion, path, "world", "hand")
     with Writer(tmp_path / "b.bag") as bag:
         bag.add_connection("/rosout", "std_msgs/msg/String", typestore=rosbag.STORE)
-    assert "no /tf and no /joint_states among its topics (/rosout)" in line(tf.read, tmp_path / "b.bag")
+    assert "no /tf and no /joint_states among its topics (/rosout)" in line(
+        tf.read_transforms, tmp_path / "b.bag"
+    )
     whole = write_arm(tmp_path / "c.bag").read_bytes()
     (tmp_path / "c.bag").write_bytes(whole[: len(whole) // 2])
-    assert "c.bag: cannot read this bag" in line(tf.read, tmp_path / "c.bag")
+    assert "c.bag: cannot read this bag" in line(tf.read_transforms, tmp_path / "c.bag")
 
 
 def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
@@ -114,7 +116,7 @@ def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
     )
     rig.save(tmp_path / "rig.json")
     again = Rig.load(tmp_path / "rig.json")
-    assert again.calibrated == rig.calibrated and again.port.ring_radius_m == pytest.approx(0.09)
+    assert again.calibration == rig.calibration and again.port.ring_radius_m == pytest.approx(0.09)
     truth = again.truth(path)
     wanted = rig.T_cam_root @ ur5e.forward(JOINTS) @ rig.T_tip_port
     np.testing.assert_allclose(truth.T_cam_port.position_m, wanted.position_m, atol=1e-12)
@@ -124,10 +126,10 @@ def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
 
 
 def test_a_port_of_another_size_is_the_same_shape():
-    port, large = Port.lm_map(), scaled(Port.lm_map(), 0.16)
+    port, large = Port.lm_map(), scale_port(Port.lm_map(), 0.16)
     np.testing.assert_allclose(large.marker_corners_m(), 2 * port.marker_corners_m())
     assert large.symmetry == port.symmetry
-    assert scaled(large, port.ring_radius_m).panel_size_m == pytest.approx(port.panel_size_m)
+    assert scale_port(large, port.ring_radius_m).panel_size_m == pytest.approx(port.panel_size_m)
 
 
 def test_hand_eye_files_of_every_layout_agree(tmp_path):

@@ -13,7 +13,7 @@ from lmmap.files import CAMERA
 from lmmap.pipeline.network import weight_path
 from lmmap.recordings.stream import Source, Stream
 from lmmap.rig import authors_bags, standin
-from lmmap.rig.rig import NAME
+from lmmap.rig.rig import RIG_FILE
 from lmmap.studies import on_authors_bags
 from lmmap.training import dataset
 from lmmap.types import Camera, Port
@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
         standin.write_bag(replace(recording, truth=None) if "noport" in name else recording, path)
     (root / "holiday.bag").write_bytes(b"none")
     standin.write_hand_eye(root / authors_bags.HAND_EYE)
-    standin.RIG.save(root / NAME)
+    standin.RIG.save(root / RIG_FILE)
     Camera.davis346().save(root / CAMERA)
     for module in (provenance, on_authors_bags):
         monkeypatch.setattr(module, "DERIVED", tmp_path / "derived")
@@ -98,5 +98,5 @@ def test_excerpts_are_cuts_of_the_recording(starts_us):
         shown = (frames_t_us >= start_us) & (frames_t_us < start_us + 100_000)
         assert np.array_equal(piece.events, whole.events[inside]) and inside.any()
         assert np.array_equal(piece.frames, whole.frames[shown])
-    masks = dataset.samples(piece, 2, Port.lm_map())
+    masks = dataset.sample_recording(piece, 2, Port.lm_map())
     assert set(np.unique(masks["rgb_labels"])) == {0, 1, 2}  # ring and markers

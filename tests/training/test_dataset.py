@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lmmap.bench import sequences
+from lmmap.bench import labels, laboratory
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.network import DOMAIN_GAPS
 from lmmap.provenance import DATA
@@ -20,7 +20,7 @@ def recording():
 @pytest.fixture(scope="module")
 def folder(recording, tmp_path_factory):
     folder = tmp_path_factory.mktemp("set")
-    dataset.write_samples(folder / "mini", dataset.samples(recording, 3))
+    dataset.write_samples(folder / "mini", dataset.sample_recording(recording, 3))
     return folder
 
 
@@ -32,7 +32,7 @@ def test_split_is_by_sequence_and_complete(gap):
     assert sorted(train + validate) == sorted(names)
     assert len(validate) == pytest.approx(0.2 * len(names), abs=1)
     assert {n.split("-")[0] for n in validate} == {n.split("-")[0] for n in names}
-    assert [sequences.sequence(n).name for n in names] == names
+    assert [laboratory.sequence(n).name for n in names] == names
 
 
 def test_only_the_high_gap_lacks_the_realistic_sequences():
@@ -69,7 +69,7 @@ def test_masks_are_those_of_the_true_pose_at_the_image_s_time(recording, folder,
     for i, k in enumerate(np.linspace(0, len(recording.frames) - 1, 3).astype(int)):
         assert np.array_equal(frames.image(i), recording.frames[k])
         pose = recording.truth.at(recording.frames_t_us[[k]])[0]
-        ring, marker = sequences.label_masks(pose, port, recording.camera)
+        ring, marker = labels.label_masks(pose, port, recording.camera)
         assert np.array_equal(frames.mask(i), ring)
         assert np.array_equal(markers.mask(i), marker)
         assert frames.mask(i).any()
@@ -93,9 +93,9 @@ def test_making_goes_on_where_it_was_and_leaves_nothing_half_done(tmp_path, monk
     monkeypatch.setattr(dataset.sequences, "simulate", simulate)
     names = [f"augmented-{i}" for i in range(3)]
     with pytest.raises(KeyboardInterrupt):
-        dataset.make(names, tmp_path, 1, lambda line: None, count=1)
+        dataset.make_samples(names, tmp_path, 1, lambda line: None, count=1)
     assert sorted(p.name for p in tmp_path.iterdir()) == names[:1]
-    dataset.make(names, tmp_path, 1, lambda line: None, count=1)
+    dataset.make_samples(names, tmp_path, 1, lambda line: None, count=1)
     assert made == ["augmented-0", "augmented-1", "augmented-1", "augmented-2"]
     assert sorted(p.name for p in tmp_path.iterdir()) == names
     assert len(dataset.Samples(names, "ring", "rgb", tmp_path).made_of()) == 12
@@ -103,8 +103,8 @@ def test_making_goes_on_where_it_was_and_leaves_nothing_half_done(tmp_path, monk
 
 def test_processes_make_what_one_process_makes(tmp_path):
     names, size = ["augmented-0", "augmented-1"], dict(seconds=0.2, count=1)
-    dataset.make(names, tmp_path / "two", 2, lambda line: None, **size)
-    dataset.make(names[:1], tmp_path / "one", 1, lambda line: None, **size)
+    dataset.make_samples(names, tmp_path / "two", 2, lambda line: None, **size)
+    dataset.make_samples(names[:1], tmp_path / "one", 1, lambda line: None, **size)
     paths = sorted((tmp_path / "one" / names[0]).glob("*.npy"))
     assert len(paths) == 4
     for path in paths:

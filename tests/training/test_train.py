@@ -46,19 +46,19 @@ def quiet(line):
 def test_batches_are_a_function_of_seed_and_step(toy, gap, modality):
     samples = dataset.Samples(dataset.SETS["low"], "ring", modality, toy)
     recipe = Recipe("ring", modality, gap, batch=4, crop_px=48)
-    x, y = train.batch(samples, recipe, 7)
+    x, y = train.make_batch(samples, recipe, 7)
     assert x.shape == (4, network.CHANNELS[modality], 48, 48)
     assert y.shape == (4, 1, 48, 48)
     assert set(y.unique().tolist()) <= {0, 1}
-    again = train.batch(samples, recipe, 7)
+    again = train.make_batch(samples, recipe, 7)
     assert torch.equal(x, again[0])
     assert torch.equal(y, again[1])
-    assert not torch.equal(x, train.batch(samples, recipe, 8)[0])
+    assert not torch.equal(x, train.make_batch(samples, recipe, 8)[0])
 
 
 def test_masks_follow_their_images(toy):
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
-    x, y = train.batch(samples, Recipe("ring", "event", batch=8), 3)
+    x, y = train.make_batch(samples, Recipe("ring", "event", batch=8), 3)
     assert torch.equal(x > 0.5, y > 0.5)
 
 
@@ -67,7 +67,7 @@ def test_most_crops_hold_positives(toy):
 
     def share(positive):
         recipe = Recipe("ring", "event", batch=40, crop_px=24, positive_crops=positive)
-        return train.batch(samples, recipe, 0)[1].amax((1, 2, 3)).mean()
+        return train.make_batch(samples, recipe, 0)[1].amax((1, 2, 3)).mean()
 
     assert share(1.0) == 1
     assert share(0.0) < 0.6
@@ -95,7 +95,7 @@ def _run(recipe, folder, steps):
     class Killed(Exception):
         pass
 
-    original = train.batch
+    original = train.make_batch
 
     def batch(samples, recipe, step):
         if step == steps:
@@ -104,7 +104,7 @@ def _run(recipe, folder, steps):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(train, "CHECKPOINT_STEPS", steps - 1)
-        patch.setattr(train, "batch", batch)
+        patch.setattr(train, "make_batch", batch)
         with pytest.raises(Killed):
             train.train(recipe, folder, quiet)
 
@@ -210,10 +210,10 @@ def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
     original = dataset.Samples.image
     monkeypatch.setattr(dataset.Samples, "image", lambda self, i, n: asked.append(n) or original(self, i, n))
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
-    train.batch(samples, Recipe("ring", "event", "low", batch=4), 0)
+    train.make_batch(samples, Recipe("ring", "event", "low", batch=4), 0)
     assert set(asked) == {train.PAPER.events_per_window}
     asked.clear()
-    train.batch(samples, Recipe("ring", "event", "robust", batch=4), 0)
+    train.make_batch(samples, Recipe("ring", "event", "robust", batch=4), 0)
     low, high = np.array(augment.HISTOGRAM_EVENTS) * train.PAPER.events_per_window
     assert len(set(asked)) == 4
     assert low <= min(asked) < max(asked) <= high

@@ -7,7 +7,7 @@ import validation_world as world
 from strategies import PORT, pose
 from validation_conditions import CONDITIONS, covered
 
-from lmmap.bench import renderer, sequences
+from lmmap.bench import labels, renderer, sequences
 from lmmap.geometry.projection import circle_ellipse
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment
@@ -53,7 +53,7 @@ def test_gaps_are_dark_and_stay_ring():
     """A worn ring has less light on its ring only; in a gap next to none; its mask is whole."""
     T, camera = pose((172, 130), 0.6, 0.3), world.CAMERA
     rays = renderer.ray_grid(camera, 1)
-    ring = sequences.label_masks(T, PORT, camera)[0]
+    ring = labels.label_masks(T, PORT, camera)[0]
     cover = np.stack([ring, 0 * ring], -1).astype(np.float32)
     light = np.ones((*ring.shape, 3), np.float32)
 
