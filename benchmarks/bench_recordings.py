@@ -17,7 +17,7 @@ import dv_processing as dv
 import numpy as np
 
 from lmmap.pipeline.histograms import histogram, windows
-from lmmap.recordings.formats import open_recording, write_aedat4, write_npz
+from lmmap.recordings.formats import open_recording, write_aedat4, write_recording
 from lmmap.types import EVENT, Camera, Recording
 
 REPEATS = 7
@@ -84,7 +84,7 @@ def main(path: Path | None, folder: Path) -> None:
         write_aedat4(synthetic(), path)
     recording = open_recording(path)
     events = recording.events
-    write_npz(recording, folder / "copy.npz")
+    write_recording(recording, folder / "copy.h5")
     some = events[windows(events)[0]]
     np.testing.assert_array_equal(ours(some), add_at(some))
     np.testing.assert_array_equal(ours(some), histogram2d(some))
@@ -94,7 +94,7 @@ def main(path: Path | None, folder: Path) -> None:
     rows = [
         ("read AEDAT4: lmmap, checked, with frames", len(events), lambda: open_recording(path)),
         ("  peer: dv-processing alone, unchecked", len(events), lambda: bare_reader(path)),
-        ("  peer: our npz", len(events), lambda: open_recording(folder / "copy.npz")),
+        ("  peer: our HDF5", len(events), lambda: open_recording(folder / "copy.h5")),
         ("write AEDAT4: lmmap", len(few), lambda: write_aedat4(part, folder / "part.aedat4")),
         (
             "  peer: dv-processing, push_back in a loop",

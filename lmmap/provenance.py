@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from .files import write_text
+
 PACKAGE = Path(__file__).resolve().parent
 CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
 ROOT = PACKAGE.parent
@@ -102,7 +104,7 @@ def provenance(**facts) -> dict:
 def save_json(path: Path, values: dict, **facts) -> Path:
     """Write ``values`` with their provenance, whole or not at all."""
     document = {"values": values, "provenance": provenance(**facts)}
-    return _write(path, json.dumps(document, indent=1, sort_keys=True, default=_plain) + "\n")
+    return write_text(path, json.dumps(document, indent=1, sort_keys=True, default=_plain) + "\n")
 
 
 def load_json(path: Path) -> dict:
@@ -112,22 +114,14 @@ def load_json(path: Path) -> dict:
 
 def save_table(path: Path, table: pd.DataFrame, **facts) -> Path:
     """Write a CSV, and its provenance as JSON beside it."""
-    _write(
+    write_text(
         path.with_suffix(".provenance.json"), json.dumps(provenance(**facts), indent=1, sort_keys=True) + "\n"
     )
-    return _write(path, table.to_csv(index=False, float_format="%.6g"))
+    return write_text(path, table.to_csv(index=False, float_format="%.6g"))
 
 
 def load_table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path)
-
-
-def _write(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text)
-    os.replace(part, path)
-    return path
 
 
 def _plain(value):

@@ -27,7 +27,7 @@ from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
 from lmmap.provenance import DATA, DERIVED, save_table
-from lmmap.recordings.formats import open_recording, write_npz
+from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
@@ -41,10 +41,10 @@ WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and h
 
 
 def recording(name: str):
-    path = DERIVED / "calibration" / f"{name}.npz"
+    path = DERIVED / "calibration" / f"{name}.h5"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_npz(sequences.simulate(name, SECONDS), path)
+        write_recording(sequences.simulate(name, SECONDS), path)
     return open_recording(path)
 
 

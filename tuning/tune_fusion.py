@@ -27,7 +27,7 @@ from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, in_time, true_poses
 from lmmap.provenance import DATA, DERIVED, fingerprint, save_json, save_table
-from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_npz
+from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stacked
 from lmmap.studies.accuracy_run import OF_ESTIMATES
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
@@ -50,9 +50,9 @@ def measured(name: str):
     """The recording of a sequence and its estimates by modality; made once for each estimator."""
     folder = DERIVED / "fusion"
     folder.mkdir(parents=True, exist_ok=True)
-    path, mark = folder / f"{name}.npz", fingerprint(patterns=MAKERS)[:8]
+    path, mark = folder / f"{name}.h5", fingerprint(patterns=MAKERS)[:8]
     if not path.exists():
-        write_npz(sequences.simulate(name, SECONDS), path)
+        write_recording(sequences.simulate(name, SECONDS), path)
     recording, found = open_recording(path), {}
     for modality in MODALITIES:
         table = folder / f"{name}-{modality}-{mark}.csv"

@@ -55,7 +55,7 @@ def kept(path: Path, mark: str, make) -> bool:
 def prepare(name: str, seconds: float, folder: Path) -> str:
     """Simulate and export a sequence; returns a hash of its images, whatever made them."""
     mark = fingerprint(name, str(seconds), patterns=accuracy_run.BENCH)
-    path = folder / f"{name}.npz"
+    path = folder / f"{name}.h5"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulate.record(name, seconds, path))
     exported = mark + fingerprint(patterns=made_by("studies.odometry_files"))
@@ -117,7 +117,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
     counts = path.with_suffix(".json")
 
     def make():
-        recording = open_recording(folder / f"{name}.npz")
+        recording = open_recording(folder / f"{name}.h5")
         estimator = Estimator(recording.camera, port, modality)
         found = list(estimate(recording, estimator, estimator.settings.rate_hz))
         track = odometry.camera_track(found, port)

@@ -6,7 +6,6 @@ Long ones keep their parts as they grow; an interrupted one goes on from there, 
 
 from __future__ import annotations
 
-import os
 import shutil
 import zipfile
 from collections import deque
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files import atomic
 from ..geometry.projection import circle_points_m, project
 from ..types import EVENT, Camera, InputError, Port, Recording, Trajectory
 from . import event_sensor, renderer
@@ -174,14 +174,8 @@ def _joined(part: dict, camera: Camera) -> dict:
 
 def _keep(path: Path, arrays: dict, **counts) -> None:
     """Save a part with the sensor's state behind it, whole or not at all."""
-    temporary = path.with_suffix(".tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez(file, **counts, **arrays)
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot write ({error.strerror}); choose a folder with room") from None
+    with atomic(path) as temporary:
+        np.savez(temporary, **counts, **arrays)
 
 
 def _resume(folder: Path | None, device, made_of: str) -> list[dict]:

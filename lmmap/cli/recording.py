@@ -19,8 +19,8 @@ from ..pipeline import run
 from ..pipeline.estimator import Estimator, fitting
 from ..recordings import live
 from ..recordings.formats import health, open_stream, read_trajectory
+from ..recordings.journal import Journal
 from ..recordings.pose_files import as_read
-from ..recordings.resumable import Journal
 from ..recordings.stream import Stream
 from ..rig import rig
 from ..studies import pose_errors

@@ -127,7 +127,7 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMN
 def _paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict) -> Iterator[tuple]:
     """``((label, t_us), function that draws it on axes)``; recordings not given are in ``folder``."""
     for (name, modality, label), some in rows.groupby(["sequence", "modality", "label"]):
-        recording = recordings.get(name) or open_recording(folder / f"{name}.npz")
+        recording = recordings.get(name) or open_recording(folder / f"{name}.h5")
         answers = {e.t_us: e for e in read_estimates(folder / f"estimates-{label}.csv")}
         wanted = set(some.t_us)
         every = shots(recording, modality, rate_hz=rate_hz)

@@ -21,7 +21,7 @@ import numpy as np
 from backports import zstd
 
 from ..types import EVENT, Recording
-from .stream import Source, naming, no_events, no_frames, pieces, rechunked
+from .stream import Source, in_chunks, input_errors, no_events, no_frames, pieces
 
 MAGIC = b"#!AER-DAT4.0\r\n"
 PACKET = 100_000  # events in one that we write
@@ -36,25 +36,25 @@ def read(path: Path) -> Source:
 
     Values are as stored: nothing here checks the order of time or the range of coordinates.
     """
-    with _naming(path):
+    with _file_errors(path):
         compression, end, streams = _header(path)
         if end >= 0 and not _whole_table(path, end, compression):
             raise ValueError("truncated in its table of packets")
         kinds = {kind: (k, size_px) for k, (kind, size_px) in reversed(streams.items())}
-        found = {kind: kinds[kind] for kind in ("EVTS", "FRME") if kind in kinds}
-        sizes = {size_px for _, size_px in found.values()}
+        used = {kind: kinds[kind] for kind in ("EVTS", "FRME") if kind in kinds}
+        sizes = {size_px for _, size_px in used.values()}
         if len(sizes) != 1:
             raise ValueError(f"expected events or frames of one size, found {sorted(sizes)}")
         (size_px,) = sizes
         spans = [
-            (at, size) for k, at, size in _packets(path, end, streams) if k == found.get("EVTS", (None,))[0]
+            (at, size) for k, at, size in _packets(path, end, streams) if k == used.get("EVTS", (None,))[0]
         ]
         span_us = None
         if spans:
             first, last = (_events_of(_content(path, compression, *spans[i])) for i in (0, -1))
             span_us = (int(first["t_us"][0]), int(last["t_us"][-1])) if len(first) and len(last) else None
         events, frames = (
-            partial(generator, path, found[kind][0]) if kind in found else nothing
+            partial(generator, path, used[kind][0]) if kind in used else nothing
             for kind, generator, nothing in (("EVTS", _events, no_events), ("FRME", _frames, no_frames))
         )
         return Source(path, size_px, events, frames, span_us)
@@ -144,8 +144,8 @@ def _contents(path: Path, wanted: int) -> Iterator[bytes]:
 
 
 def _events(path: Path, stream: int) -> Iterator[np.ndarray]:
-    with _naming(path):
-        yield from rechunked(_events_of(content) for content in _contents(path, stream))
+    with _file_errors(path):
+        yield from in_chunks(_events_of(content) for content in _contents(path, stream))
 
 
 def _events_of(content: bytes) -> np.ndarray:
@@ -156,11 +156,13 @@ def _events_of(content: bytes) -> np.ndarray:
 
 
 def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
-    with _naming(path):
+    with _file_errors(path):
         for content in _contents(path, stream):
             frame = _Table(content)
-            channels = CHANNELS[frame.number(5, "<b")]
-            pixels = frame.vector(10, "u1").reshape(frame.number(7, "<h"), frame.number(6, "<h"), channels)
+            kind, width, height = (frame.number(k, form) for k, form in ((5, "<b"), (6, "<h"), (7, "<h")))
+            if kind not in CHANNELS:
+                raise ValueError(f"a frame of unknown format {kind}")
+            pixels = frame.vector(10, "u1").reshape(height, width, CHANNELS[kind])
             # stamped at the start of the exposure; ours is its middle
             yield frame.number(0, "<q") + round(frame.number(11, "<q") / 2), rgb(pixels)
 
@@ -207,8 +209,9 @@ def rgb(image: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(pixels[..., 2::-1], (*image.shape[:2], 3)))
 
 
-def _naming(path: Path):
-    return naming(path, "damaged AEDAT4", "record or copy the file again")
+def _file_errors(path: Path):
+    errors = (zstd.ZstdError, RuntimeError, ElementTree.ParseError)
+    return input_errors(path, "damaged AEDAT4", "record or copy the file again", errors)
 
 
 def write(recording: Recording, path: Path) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..files import CAMERA, atomic, beside
 from ..types import Camera, InputError, Recording
-from . import aedat4, hdf5, plain, rosbag
+from . import aedat4, hdf5, images, rosbag, text
 from .health import health
 from .pose_files import (
     read_estimates,
@@ -35,7 +35,6 @@ __all__ = [
     "trajectory_of",
     "write_aedat4",
     "write_estimates",
-    "write_npz",
     "write_recording",
     "write_trajectory",
 ]
@@ -95,11 +94,6 @@ def write_aedat4(recording: Recording, path) -> None:
     write_recording(recording, path, (".aedat4",))
 
 
-def write_npz(recording: Recording, path) -> None:
-    """Write a compressed npz, the camera and the truth beside it; raises `InputError`."""
-    write_recording(recording, path, (".npz",))
-
-
 def write_recording(recording: Recording, path, suffixes=None) -> None:
     """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`."""
     path, r = Path(path), recording
@@ -128,15 +122,13 @@ WRITERS = {
     ".bag": rosbag.write,
     ".h5": hdf5.write,
     ".hdf5": hdf5.write,
-    ".npz": plain.write_npz,
 }
 FORMATS = (  # what it is, how its name ends, its reader
     ("AEDAT4 of iniVation's DV", (".aedat4",), aedat4.read),
     ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), rosbag.read),
     ("HDF5 in the layouts of DSEC (ours too) and MVSEC", (".h5", ".hdf5"), hdf5.read),
-    ("our arrays of numpy", (".npz",), plain.read_npz),
-    ("events as text, t x y p", (".txt",), plain.read_text),
-    ("images with timestamps.txt or images.txt", ("folder",), plain.read_folder),
-    ("video", (".mp4", ".avi", ".mkv", ".mov"), plain.read_video),
+    ("events as text, t x y p", (".txt",), text.read),
+    ("images with timestamps.txt or images.txt", ("folder",), images.read_folder),
+    ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}

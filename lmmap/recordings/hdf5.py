@@ -11,7 +11,7 @@ import numpy as np
 
 from ..pipeline.histograms import from_columns
 from ..types import Recording
-from .stream import CHUNK, Source, naming
+from .stream import CHUNK, Source, input_errors
 
 
 def read(path: Path) -> Source:
@@ -20,7 +20,7 @@ def read(path: Path) -> Source:
     DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``.  MVSEC: ``davis/left/events`` with rows
     x, y, seconds, polarity, and ``image_raw`` with ``image_raw_ts``.
     """
-    with _naming(path), h5py.File(path, "r") as file:
+    with _file_errors(path), h5py.File(path, "r") as file:
         if "events/t" in file:
             t = _columns(file)[0]
             span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
@@ -47,14 +47,14 @@ def _offset_us(file: h5py.File) -> int:
 
 
 def _dsec(path: Path):
-    with _naming(path), h5py.File(path, "r") as file:
+    with _file_errors(path), h5py.File(path, "r") as file:
         offset_us, columns = _offset_us(file), _columns(file)
         for i in range(0, len(columns[0]), CHUNK):
             yield from_columns(*(c[i : i + CHUNK] for c in columns), offset_us=offset_us)
 
 
 def _mvsec(path: Path):
-    with _naming(path), h5py.File(path, "r") as file:
+    with _file_errors(path), h5py.File(path, "r") as file:
         rows = file["davis/left/events"]
         for i in range(0, len(rows), CHUNK):
             x, y, t, p = rows[i : i + CHUNK].T
@@ -62,7 +62,7 @@ def _mvsec(path: Path):
 
 
 def _frames(path: Path, group: str, images: str, times: str):
-    with _naming(path), h5py.File(path, "r") as file:
+    with _file_errors(path), h5py.File(path, "r") as file:
         if group + images not in file:
             return
         pixels, t = file[group + images], file[group + times][:]
@@ -71,13 +71,14 @@ def _frames(path: Path, group: str, images: str, times: str):
         if t.shape != pixels.shape[:1]:
             raise ValueError(f"{len(pixels)} images but times of shape {t.shape}")
         t_us = (np.rint(t * 1e6) if t.dtype.kind == "f" else t).astype(np.int64).tolist()
-        for i, at_us in enumerate(t_us):
-            one = pixels[i]
-            yield at_us, np.repeat(one[..., None], 3, -1) if one.ndim == 2 else one
+        for i, frame_us in enumerate(t_us):
+            image = pixels[i]
+            yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
 
 
-def _naming(path: Path):
-    return naming(path, "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again")
+def _file_errors(path: Path):
+    remedy = "give a file as DSEC's or MVSEC's, or copy it again"
+    return input_errors(path, "not a recording in HDF5", remedy, (KeyError, RuntimeError))
 
 
 def write(recording: Recording, path: Path) -> None:

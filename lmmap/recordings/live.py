@@ -21,7 +21,7 @@ from .aedat4 import rgb
 from .stream import Stream
 
 
-class Shot(NamedTuple):
+class LiveImage(NamedTuple):
     """An image, the times of it and of its newest event (us), and how many were skipped before it; of
     events also the time and image of `WIDER` times as many, or None."""
 
@@ -98,19 +98,19 @@ class Attached:
     def pending(self, modality: str) -> list:
         if modality == "event":
             batches = iter(self._device.getNextEventBatch, None)
-            found = [b.numpy().view("V16").view(EVENT) for b in batches if not b.isEmpty()]
-            newest_us = found[-1]["t_us"][-1] if found else None
+            data = [b.numpy().view("V16").view(EVENT) for b in batches if not b.isEmpty()]
+            newest_us = data[-1]["t_us"][-1] if data else None
         else:
-            found = [(f.timestamp, rgb(f.image)) for f in iter(self._device.getNextFrame, None)]
-            newest_us = found[-1][0] if found else None
+            data = [(f.timestamp, rgb(f.image)) for f in iter(self._device.getNextFrame, None)]
+            newest_us = data[-1][0] if data else None
         if newest_us is not None and self._offset_us is None:
             self._offset_us = int(newest_us) - time.monotonic_ns() // 1000
-        return found
+        return data
 
 
-def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator[Shot]:
+def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator[LiveImage]:
     """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
-    the device runs; a wider one where its time is after the shot before."""
+    the device runs; a wider one where its time is after the image before."""
     recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
     while device.running():
         if not (pending := device.pending(modality)):
@@ -118,7 +118,7 @@ def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator
             continue
         if modality == "rgb":
             t_us, frame = pending[-1]
-            yield Shot(t_us, frame, t_us, len(pending) - 1)
+            yield LiveImage(t_us, frame, t_us, len(pending) - 1)
             continue
         fresh += sum(len(chunk) for chunk in pending)
         recent = joined([recent, *pending])[-math.ceil(WIDER) * count :]
@@ -127,5 +127,5 @@ def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator
             continue
         skipped, fresh = fresh // count - 1, 0
         first, *wider = looks(recent, count, device.size_px, before_us)
-        yield Shot(*first, int(recent["t_us"][-1]), skipped, *wider)
+        yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
         before_us = first[0]

@@ -11,13 +11,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rosbags.rosbag1 import Reader, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.rosbag1 import Reader, ReaderError, Writer
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from ..pipeline.histograms import from_columns
 from ..types import Camera, Recording
-from .stream import Source, naming, pieces, rechunked
+from .stream import Source, in_chunks, input_errors, pieces
 
+ERRORS = (ReaderError, SerdeError, TypesysError, AssertionError, LookupError, RuntimeError, cv2.error)
 STORE = get_typestore(Stores.ROS1_NOETIC)
 PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
@@ -46,7 +48,7 @@ def read(path: Path) -> Source:
         images = _topic(bag, path, IMAGES.__contains__)
         if not arrays and not images:
             raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
-        arrays, images = (some if any(c.msgcount for c in some) else [] for some in (arrays, images))
+        arrays, images = (topic if any(c.msgcount for c in topic) else [] for topic in (arrays, images))
         first = next(bag.messages(arrays or images), None) if arrays or images else None
         if first is None:
             raise ValueError("no message in its topics")
@@ -69,7 +71,7 @@ def _chunks(path: Path, size_px: tuple[int, int]):
             yield batch
 
     with named(path), Reader(path) as bag:
-        yield from rechunked(batches(bag))
+        yield from in_chunks(batches(bag))
 
 
 def _frames(path: Path):
@@ -98,21 +100,22 @@ def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
 def named(path: Path):
     """A context in which what damaged bytes raise becomes one `InputError` line."""
     remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
-    return naming(path, "cannot read this bag", remedy)
+    return input_errors(path, "cannot read this bag", remedy, ERRORS)
 
 
 def _topic(bag: Reader, path: Path, wanted) -> list:
-    found = sorted((c for c in bag.connections if wanted(c.msgtype)), key=lambda c: c.topic)
-    if skipped := sorted({c.topic for c in found} - {c.topic for c in found[:1]}):
-        warnings.warn(f"{path}: taking {found[0].topic}, not {', '.join(skipped)}", stacklevel=4)
-    return [c for c in found if c.topic == found[0].topic]
+    """Connections of the first topic whose type is ``wanted``; a warning names the others."""
+    connections = sorted((c for c in bag.connections if wanted(c.msgtype)), key=lambda c: c.topic)
+    if skipped := sorted({c.topic for c in connections} - {c.topic for c in connections[:1]}):
+        warnings.warn(f"{path}: taking {connections[0].topic}, not {', '.join(skipped)}", stacklevel=4)
+    return [c for c in connections if c.topic == connections[0].topic]
 
 
 @lru_cache
 def _layout(definition: str) -> tuple[list[str], np.dtype]:
     """Names of an array's fields and the packed record of an event, whichever order its definition states."""
     whole, _, parts = definition.partition("\n===")
-    part = next(p for p in parts.split("\n===") if re.search(r"MSG: *\S+/Event\s", p))
+    part = next((p for p in parts.split("\n===") if re.search(r"MSG: *\S+/Event\s", p)), "")
     head, fields = _fields(whole), _fields(part)
     names = [name for _, name in head]
     if sorted(names[1:3]) != ["height", "width"] or names[0] != "header" or names[3:] != ["events"]:
@@ -171,7 +174,8 @@ def write(recording: Recording, path: Path, others=(), calibrated: bool = True) 
         topics.append(("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", messages))
     with Writer(path) as bag:
         connections = [bag.add_connection(topic, kind, typestore=STORE) for topic, kind, _ in topics]
-        ordered = merge(*(_numbered(k, some) for k, (_, _, some) in enumerate(topics)), key=lambda m: m[0])
+        numbered = (_numbered(k, messages) for k, (_, _, messages) in enumerate(topics))
+        ordered = merge(*numbered, key=lambda m: m[0])
         for t_us, k, raw in ordered:
             bag.write(connections[k], t_us * 1000, raw)
 

@@ -6,6 +6,7 @@ chunk on its way: nothing behind it has to ask whether time runs forward or coor
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -48,26 +49,26 @@ class Stream:
     camera: Camera
     source: Source
     truth: Trajectory | None = None
-    checked: bool = True  # False: values as they are, for who looks for faults
+    checked: bool = True  # False: values as they are, to count their faults
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
-        some = self.source.events()
-        return self._named(checked_events(some, self.camera.size_px)) if self.checked else some
+        chunks = self.source.events()
+        return self._with_file_name(checked_events(chunks, self.camera.size_px)) if self.checked else chunks
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
-        some = self.source.frames()
-        return self._named(checked_frames(some, self.camera.size_px)) if self.checked else some
+        frames = self.source.frames()
+        return self._with_file_name(checked_frames(frames, self.camera.size_px)) if self.checked else frames
 
-    def _named(self, values: Iterator) -> Iterator:
+    def _with_file_name(self, values: Iterator) -> Iterator:
         try:
             yield from values
         except ValueError as error:
             raise InputError(f"{self.source.path}: {error}") from None
 
     def collect(self) -> Recording:
-        """The whole of it in memory."""
+        """The whole recording in memory."""
         events = joined(self.chunks())
         timed = list(self.timed_frames())
         width, height = self.camera.size_px
@@ -80,19 +81,28 @@ class Stream:
         return Recording(self.name, self.camera, events, frames, frames_t_us, self.truth)
 
 
+DAMAGE = (OSError, EOFError, ValueError, OverflowError, MemoryError, struct.error)
+
+
 @contextmanager
-def naming(path: Path, problem: str, remedy: str, reason=None):
-    """Any error inside becomes one `InputError` line; readers raise a dozen types on damaged bytes."""
+def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
+    """What damaged bytes raise in a reader becomes one `InputError` line.
+
+    Parameters
+    ----------
+    problem, remedy
+        What is wrong with the file as a whole, and what to do about it.
+    errors
+        What the format's library raises besides `DAMAGE`.  Other errors are ours, and pass.
+    """
     try:
         yield
-    except InputError:
-        raise
-    except Exception as error:
-        said = reason(error) if reason else (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: {problem} ({said}); {remedy}") from None
+    except (*DAMAGE, *errors) as error:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: {problem} ({reason}); {remedy}") from None
 
 
-def rechunked(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:
+def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:
     """The same events in chunks of at least ``count``, but for the last: files come in packets of a few."""
     waiting, size = [], 0
     for batch in batches:

@@ -8,6 +8,7 @@ import joblib
 import pandas as pd
 
 from ..bench import laboratory, sequences, simulate
+from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision, shipped_gaps
 from ..pipeline.run import estimate, in_time
@@ -73,20 +74,20 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
     waiting = {}
     for name in sequences_of(profile):
         mark = fingerprint(name, profile, best_precision(), patterns=OF_RESULTS)
-        if _holds(folder / f"{name}.done", mark):
+        if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
         elif go_on and unpack(_packed(name), folder, mark):
-            (folder / f"{name}.done").write_text(mark)
+            write_text(folder / f"{name}.done", mark)
             report(f"{name}: results as packed")
         else:
             waiting[name] = mark
     tasks = (joblib.delayed(_sequence)(n, profile, folder, m, report, pictures) for n, m in waiting.items())
     for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
         pass
-    if not waiting and _holds(folder / "tables.done", whole):
+    if not waiting and has_mark(folder / "tables.done", whole):
         return False
     _tabulate(profile, folder)
-    (folder / "tables.done").write_text(whole)
+    write_text(folder / "tables.done", whole)
     return True
 
 
@@ -150,17 +151,17 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
         files += pictures(recording, folder, _labels([name]), rate_hz)
     if profile == "paper":
         pack(_packed(name), files, folder, mark)
-    (folder / f"{name}.done").write_text(mark)
+    write_text(folder / f"{name}.done", mark)
 
 
 def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
     """The sequence's recording, simulated unless the one kept is of the same bench and length."""
-    path, made_of = folder / f"{name}.npz", folder / f"{name}.simulated"
+    path, made_of = folder / f"{name}.h5", folder / f"{name}.simulated"
     mark = fingerprint(name, str(seconds), patterns=BENCH)
-    if not (path.exists() and _holds(made_of, mark)):
+    if not (path.exists() and has_mark(made_of, mark)):
         report(f"{name}: simulating {seconds:.0f} s")
         simulate.record(name, seconds, path)
-        made_of.write_text(mark)
+        write_text(made_of, mark)
     return open_recording(path)
 
 
@@ -171,12 +172,12 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
     own = (*OF_ESTIMATES, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
     mark = fingerprint(recording.name, str(rate_hz), best_precision(), patterns=own)
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
-    if not (path.exists() and _holds(done, mark)):
+    if not (path.exists() and has_mark(done, mark)):
         estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
         write_estimates(found := list(estimate(recording, estimator, rate_hz)), path)
         poses = sum(e.T_cam_port is not None for e in found)
         report(f"{name}: {poses} poses in {len(found)} images")
-        done.write_text(mark)
+        write_text(done, mark)
     return read_estimates(path)
 
 
@@ -190,7 +191,3 @@ def _tabulate(profile: str, folder: Path) -> None:
             save_table(target / f"{name}.csv", table, **facts)
         rows = claims(pose_errors.compare(target), tables["counts"], tables["saturation"])
         save_table(target / "claims.csv", rows, **facts)
-
-
-def _holds(path: Path, mark: str) -> bool:
-    return path.exists() and path.read_text() == mark

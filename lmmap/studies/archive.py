@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..files import atomic
 from ..types import InputError
 
 MARK = "made-of"  # the entry with the fingerprint of what made the others
@@ -16,12 +16,10 @@ def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
     """Write ``files`` of ``folder`` and the fingerprint of what made them, whole or not at all; the same
     bytes for the same contents."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    with zipfile.ZipFile(part, "w") as archive:
+    with atomic(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         entries = {str(f.relative_to(folder)): f.read_bytes() for f in sorted(files)} | {MARK: mark.encode()}
         for name, content in entries.items():  # a ZipInfo's date is fixed, a file's own is not
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_LZMA)
-    os.replace(part, path)
     return path
 
 

@@ -17,8 +17,8 @@ from ..pipeline.network import FILTERS, weight_path
 from ..pipeline.run import answered, shots
 from ..provenance import DERIVED, fingerprint, save_json, save_table
 from ..recordings.formats import open_stream
+from ..recordings.journal import Journal
 from ..recordings.pose_files import read_estimates
-from ..recordings.resumable import Journal
 from ..recordings.stream import Stream
 from ..rig import authors_bags, calibration, tf
 from ..rig.authors_bags import AuthorsBag

@@ -7,7 +7,6 @@ of them are then the N-event histogram whose middle is that time, for any N: one
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 
 from ..bench import labels, sequences
 from ..bench.renderer import ray_grid
+from ..files import atomic
 from ..pipeline.histograms import joined
 from ..pipeline.network import FILTERS
 from ..provenance import fingerprint, made_by
@@ -130,13 +130,11 @@ def make_recording_samples(stream: Stream, label: str, folder: Path, port: Port,
 
 def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = "") -> Path:
     """A folder of arrays, whole or not at all."""
-    part = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    for name, values in arrays.items():
-        np.save(part / f"{name}.npy", values)
-    (part / "made_of").write_text(made_of)
-    os.replace(part, folder)
+    with atomic(folder) as temporary:
+        temporary.mkdir(parents=True)
+        for name, values in arrays.items():
+            np.save(temporary / f"{name}.npy", values)
+        (temporary / "made_of").write_text(made_of)
     return folder
 
 

@@ -8,7 +8,6 @@ quarter turns, warm-up and cosine, the output bias at the class prior.
 from __future__ import annotations
 
 import json
-import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -19,6 +18,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch.nn import functional as F
 
+from ..files import atomic
 from ..pipeline.network import (
     CHANNELS,
     FilterNet,
@@ -189,9 +189,8 @@ def _checkpoint(path, net, adam, recipe, step, curve) -> None:
     for i, state in adam.state_dict()["state"].items():
         tensors |= {f"adam.{i}.{k}": v.contiguous() for k, v in state.items()}
     facts = {"recipe": json.dumps(asdict(recipe)), "step": str(step), "curve": json.dumps(curve)}
-    part = path.with_suffix(".part")
-    save_file(tensors, part, facts)
-    os.replace(part, path)
+    with atomic(path) as temporary:
+        save_file(tensors, temporary, facts)
 
 
 def _resume(path, net, adam, recipe) -> tuple[int, list]:

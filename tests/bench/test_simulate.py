@@ -9,7 +9,7 @@ from lmmap.types import InputError
 
 
 def test_two_processes_write_what_one_call_returns(tmp_path):
-    jobs = [(name, 0.15, tmp_path / f"{name}.npz") for name in ("test-low", "empty-0")]
+    jobs = [(name, 0.15, tmp_path / f"{name}.h5") for name in ("test-low", "empty-0")]
     done = list(simulate.record_all(jobs, workers=2))
     assert [path for path, *_ in done] == [job[2] for job in jobs]
     for (name, seconds, path), (_, events, frames) in zip(jobs, done, strict=True):
@@ -21,7 +21,7 @@ def test_two_processes_write_what_one_call_returns(tmp_path):
 
 def test_what_is_done_survives_a_failed_write(tmp_path, monkeypatch):
     monkeypatch.setattr(sequences, "PART_S", 0.05)
-    path = tmp_path / "a.npz"
+    path = tmp_path / "a.h5"
 
     def full(recording, path):
         raise InputError(f"{path}: cannot write (No space left on device); choose a folder with room")
@@ -29,7 +29,7 @@ def test_what_is_done_survives_a_failed_write(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(InputError, match="No space left"):
         patch.setattr(simulate, "write_recording", full)
         simulate.record("test-low", 0.15, path)
-    assert not path.exists() and list((tmp_path / "a.npz.parts").glob("*.npz"))
+    assert not path.exists() and list((tmp_path / "a.h5.parts").glob("*.npz"))
     begun = []
     simulate.record("test-low", 0.15, path, begun.append)
     assert path.exists() and begun[0] > 0.05
@@ -42,10 +42,10 @@ def test_a_full_disk_is_one_clear_line(tmp_path, monkeypatch):
     monkeypatch.setattr(sequences, "PART_S", 0.05)
     monkeypatch.setattr(sequences.np, "savez", full)
     with pytest.raises(InputError, match=r"0000\.npz: cannot write \(No space left on device\)"):
-        simulate.record("test-low", 0.15, tmp_path / "a.npz")
-    assert not (tmp_path / "a.npz").exists()
+        simulate.record("test-low", 0.15, tmp_path / "a.h5")
+    assert not (tmp_path / "a.h5").exists()
 
 
 def test_no_scheduler(tmp_path):
     with pytest.raises(InputError, match="tcp://localhost:1: "):
-        list(simulate.record_all([("test-low", 0.1, tmp_path / "a.npz")], scheduler="tcp://localhost:1"))
+        list(simulate.record_all([("test-low", 0.1, tmp_path / "a.h5")], scheduler="tcp://localhost:1"))

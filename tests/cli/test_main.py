@@ -17,8 +17,8 @@ from lmmap.pipeline import run as pipeline
 from lmmap.pipeline.estimator import Estimator, fitting
 from lmmap.provenance import DATA, ROOT
 from lmmap.recordings.formats import open_recording
+from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.recordings.resumable import Journal
 from lmmap.types import PAPER, Camera, Estimate, Status
 
 MINI = DATA / "mini" / "test-low.aedat4"

@@ -9,7 +9,7 @@ import pandas as pd
 from lmmap.pages import gallery
 from lmmap.pipeline.run import images, shots
 from lmmap.provenance import DATA
-from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_npz
+from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.types import Estimate, Status
 
 LABELS = {"mini-rgb": ("mini", "rgb"), "mini-event": ("mini", "event")}
@@ -18,7 +18,7 @@ LABELS = {"mini-rgb": ("mini", "rgb"), "mini-event": ("mini", "event")}
 def folder_of(tmp_path):
     """A recording, made-up errors and statuses at its images' times."""
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
-    write_npz(recording, tmp_path / "mini.npz")
+    write_recording(recording, tmp_path / "mini.h5")
     for k, (label, (_, modality)) in enumerate(LABELS.items()):
         times = [t_us for t_us, _ in images(recording, modality, rate_hz=5)]
         truth = recording.truth.at(np.array(times))
@@ -51,7 +51,7 @@ def test_worst_come_first_and_misses_are_drawn_by_lot(tmp_path):
 
 def test_a_second_look_is_drawn_as_it_was_seen(tmp_path):
     folder = folder_of(tmp_path)
-    shot = [s for s in shots(open_recording(folder / "mini.npz"), "event", rate_hz=5) if s.wider][-1]
+    shot = [s for s in shots(open_recording(folder / "mini.h5"), "event", rate_hz=5) if s.wider][-1]
     t_us, image = shot.wider
     write_estimates([Estimate(t_us, Status.NO_RING)], folder / "estimates-mini-event.csv")
     rows = pd.DataFrame([{"sequence": "mini", "modality": "event", "label": "mini-event", "t_us": t_us}])
@@ -87,10 +87,10 @@ def test_pictures_are_published_only_of_what_there_is(tmp_path):
     full = pd.read_csv(folder / "errors-mini-rgb.csv").assign(position_error_m=0.001)
     for label in LABELS:
         full.to_csv(folder / f"errors-{label}.csv", index=False)
-    recording, labels = open_recording(folder / "mini.npz"), {"mini-rgb": LABELS["mini-rgb"]}
+    recording, labels = open_recording(folder / "mini.h5"), {"mini-rgb": LABELS["mini-rgb"]}
     kept = gallery.keep(recording, folder, labels, 5.0)
     kept += gallery.keep(replace(recording, truth=None), folder, LABELS, 5.0)
-    (folder / "mini.npz").unlink()
+    (folder / "mini.h5").unlink()
     gallery.publish(folder, target, labels, {})
     assert [path.name for path in target.iterdir()] == ["worst.jpg"]
     gallery.publish(folder, target, labels, LABELS)

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lmmap.recordings import hdf5
 from lmmap.recordings.formats import WRITERS as FORMAT_WRITERS
 from lmmap.recordings.formats import (
     health,
     open_recording,
     open_stream,
     write_aedat4,
-    write_npz,
     write_recording,
 )
 from lmmap.types import EVENT, Camera, InputError, Pose, Recording, Trajectory
@@ -150,30 +150,30 @@ def test_rewriting_without_truth_leaves_no_stale_truth(tmp_path, suffix):
 
 
 def test_camera_argument_wins_over_the_file_beside(tmp_path):
-    write_npz(recording(), tmp_path / "r.npz")
+    write_recording(recording(), tmp_path / "r.h5")
     other = replace(CAMERA, fx_px=77.0)
-    assert open_recording(tmp_path / "r.npz", other).camera == other
+    assert open_recording(tmp_path / "r.h5", other).camera == other
     other.save(tmp_path / "other.json")
-    assert open_recording(tmp_path / "r.npz", tmp_path / "other.json").camera == other
+    assert open_recording(tmp_path / "r.h5", tmp_path / "other.json").camera == other
 
 
 def test_no_camera_is_asked_for_or_nominal(tmp_path):
-    write_npz(recording(), tmp_path / "r.npz")
+    write_recording(recording(), tmp_path / "r.h5")
     (tmp_path / "r.camera.json").unlink()
     with pytest.raises(InputError, match="--camera"):
-        open_recording(tmp_path / "r.npz")
+        open_recording(tmp_path / "r.h5")
     davis = Camera.davis346()
     wide = replace(recording(frames=0), camera=davis, frames=np.zeros((0, 260, 346, 3), np.uint8))
-    write_npz(wide, tmp_path / "r.npz")
+    write_recording(wide, tmp_path / "r.h5")
     (tmp_path / "r.camera.json").unlink()
     with pytest.warns(UserWarning, match="nominal DAVIS 346"):
-        assert open_recording(tmp_path / "r.npz").camera == davis
+        assert open_recording(tmp_path / "r.h5").camera == davis
 
 
 def test_camera_of_another_size(tmp_path):
-    write_npz(recording(), tmp_path / "r.npz")
+    write_recording(recording(), tmp_path / "r.h5")
     with pytest.raises(InputError, match=r"64 x 48.*346 x 260"):
-        open_recording(tmp_path / "r.npz", Camera.davis346())
+        open_recording(tmp_path / "r.h5", Camera.davis346())
 
 
 # --- bad input: one line that names the file ------------------------------------------------------
@@ -278,15 +278,9 @@ def test_backward_time_and_foreign_pixels(tmp_path, fault, words):
     bad = broken(**fault)
     with pytest.raises(ValueError, match=words):
         write_aedat4(bad, tmp_path / "r.aedat4")
-    np.savez(
-        tmp_path / "r.npz",
-        events=bad.events,
-        frames=bad.frames,
-        frames_t_us=bad.frames_t_us,
-        size_px=(64, 48),
-    )
+    hdf5.write(bad, tmp_path / "r.h5")
     with pytest.raises(InputError, match=words):
-        open_recording(tmp_path / "r.npz", CAMERA)
+        open_recording(tmp_path / "r.h5", CAMERA)
 
 
 # --- writing: complete under its name, or not there -----------------------------------------------
@@ -321,10 +315,11 @@ def test_full_disk_is_an_error_not_an_abort(tmp_path):
     """A file-size limit stands for the full disk; in a process of its own, as it cannot be raised again."""
     code = (
         "import sys, resource; sys.path[:0] = sys.argv[2:]\n"
-        "from test_recordings import recording; from lmmap import core, recordings\n"
+        "from test_formats import recording; from lmmap import InputError\n"
+        "from lmmap.recordings import formats\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))\n"
-        "try: recordings.write_aedat4(recording(events=100_000), sys.argv[1])\n"
-        "except core.InputError as error: print(error)"
+        "try: formats.write_aedat4(recording(events=100_000), sys.argv[1])\n"
+        "except InputError as error: print(error)"
     )
     here = Path(__file__).parent
     run = subprocess.run(
@@ -367,7 +362,7 @@ def test_an_edge_is_no_hot_pixel():
 @pytest.fixture(scope="module")
 def real():
     """A DAVIS 346 recording that is not ours to distribute: LMMAP_REAL_RECORDING names it."""
-    beside = Path(__file__).parents[2] / "shared/recordings/newtons-cradle-davis346.aedat4"
+    beside = Path(__file__).parents[3] / "shared/recordings/newtons-cradle-davis346.aedat4"
     path = Path(os.environ.get("LMMAP_REAL_RECORDING", beside))
     if not path.exists():
         pytest.skip("real recording absent: set LMMAP_REAL_RECORDING to its path")
@@ -409,5 +404,5 @@ def test_equal_recordings_make_equal_bytes(tmp_path):
         dirty[name] = first.events[name]
     assert dirty.tobytes() != first.events.tobytes()
     for name, events in (("a", first.events), ("b", dirty)):
-        write_npz(replace(first, events=events), tmp_path / f"{name}.npz")
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+        write_recording(replace(first, events=events), tmp_path / f"{name}.h5")
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from strategies import cut
 
 from lmmap.recordings.formats import WRITERS, open_recording, open_stream, write_recording
-from lmmap.recordings.stream import Source, Stream, checked_events, checked_frames, rechunked
+from lmmap.recordings.stream import Source, Stream, checked_events, checked_frames, in_chunks
 from lmmap.types import EVENT, Camera, InputError
 
 SIZE_PX = 64, 48
@@ -24,7 +24,7 @@ def events(count: int, rng) -> np.ndarray:
 def test_rechunking_keeps_events_and_fills_chunks(total, count, seed):
     rng = np.random.default_rng(seed)
     e = events(total, rng)
-    chunks = list(rechunked(cut(e, rng), count))
+    chunks = list(in_chunks(cut(e, rng), count))
     np.testing.assert_array_equal(np.concatenate([e[:0], *chunks]), e)
     assert all(len(chunk) >= count for chunk in chunks[:-1])
 

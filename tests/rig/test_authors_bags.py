@@ -14,7 +14,7 @@ from lmmap.bench import sequences
 from lmmap.cli import main
 from lmmap.files import CAMERA
 from lmmap.provenance import DATA
-from lmmap.recordings.formats import open_stream, write_npz
+from lmmap.recordings.formats import open_stream, write_recording
 from lmmap.rig import authors_bags, calibration, checkerboard, standin
 from lmmap.rig.rig import RIG_FILE, Rig
 from lmmap.studies import on_authors_bags
@@ -95,9 +95,9 @@ def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsy
     code, _, err = run(capsys, "evaluate", bag, "--modality", "rgb")
     assert code == 1 and "lmmap calibrate" in err
     standin.RIG.save(rig)
-    write_npz(standin.shift_time(brief(), standin.START_US), tmp_path / "direct.npz")
+    write_recording(standin.shift_time(brief(), standin.START_US), tmp_path / "direct.h5")
     numbers = []
-    for path in (bag, tmp_path / "direct.npz"):
+    for path in (bag, tmp_path / "direct.h5"):
         code, out, _ = run(capsys, "evaluate", path, "--json")
         assert code == 0
         report = json.loads(out)

@@ -12,7 +12,7 @@ from test_odometry import track
 from lmmap.cli import main
 from lmmap.pipeline.histograms import histogram
 from lmmap.provenance import DATA
-from lmmap.recordings.formats import open_recording, write_npz
+from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.studies import odometry_files
 from lmmap.types import Camera, InputError, Recording
@@ -127,10 +127,10 @@ def test_a_perfect_trajectory_scores_zero(reference, capsys):
 def test_the_reference_may_be_a_recording(tmp_path, mini, reference, capsys):
     truth = track(400)
     some = Recording("a", mini.camera, mini.events[:100], mini.frames[:2], mini.frames_t_us[:2], truth)
-    write_npz(some, tmp_path / "a.npz")
-    assert score(capsys, reference, "--reference", tmp_path / "a.npz")[0] == 0
+    write_recording(some, tmp_path / "a.h5")
+    assert score(capsys, reference, "--reference", tmp_path / "a.h5")[0] == 0
     (tmp_path / "a.truth.csv").unlink()
-    code, _, err = score(capsys, reference, "--reference", tmp_path / "a.npz")
+    code, _, err = score(capsys, reference, "--reference", tmp_path / "a.h5")
     assert code == 1 and "no ground truth beside it" in err
 
 
@@ -161,7 +161,7 @@ def test_a_bad_trajectory_gets_one_line(reason, reference, tmp_path, capsys):
 def test_files_that_are_absent_or_of_another_kind(reference, tmp_path, capsys):
     for trajectory, ref, reason in (
         (tmp_path / "none.tum", reference, "No such file"),
-        (reference, tmp_path / "none.npz", "no such file"),
+        (reference, tmp_path / "none.h5", "no such file"),
         (tmp_path / "a.bag", reference, "cannot read '.bag'"),
     ):
         code, _, err = score(capsys, trajectory, "--reference", ref)

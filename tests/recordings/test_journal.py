@@ -6,8 +6,8 @@ from conftest import facing_pose
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import trajectory_of, write_estimates, write_trajectory
-from lmmap.recordings.resumable import Journal
 from lmmap.types import Estimate, InputError, Status
 
 

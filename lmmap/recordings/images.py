@@ -1,0 +1,83 @@
+"""Images as recordings: a folder of them with their times, and videos."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from . import text
+from .stream import Source, input_errors, no_events
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+TIME_LISTS = ("timestamps.txt", "images.txt")
+
+
+def read_folder(path: Path) -> Source:
+    """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
+
+    Times as in `text.read`; an ``events.txt`` beside them is read too, as in RPG's data sets.
+    """
+    with _folder_errors(path):
+        names, t_us = _listed(path)
+        size_px = _image(names[0]).shape[1::-1]
+    event_file = path / "events.txt"
+    events = partial(text.events, event_file) if event_file.exists() else no_events
+    frames = partial(_folder_frames, path, names, t_us)
+    return Source(path, size_px, events, frames, (min(t_us), max(t_us)))
+
+
+def _listed(path: Path) -> tuple[list[Path], list[int]]:
+    """The folder's images and their times (us), as its list states them."""
+    lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
+    if not lists:
+        raise ValueError("no timestamps.txt or images.txt in it")
+    lines = [line.split() for line in lists[0].read_text().splitlines()]
+    lines = [line for line in lines if line and not line[0].startswith("#")]
+    if all(len(line) == 1 for line in lines):
+        names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    else:
+        names = [path / line[1] for line in lines]
+    if len(names) != len(lines) or not names:
+        raise ValueError(f"{len(names)} images for {len(lines)} times")
+    return names, [round(float(t[0]) * 1e6) if "." in t[0] else int(t[0]) for t in lines]
+
+
+def _folder_frames(path: Path, names: list[Path], t_us: list[int]):
+    with _folder_errors(path):
+        for name, frame_us in zip(names, t_us, strict=True):
+            yield frame_us, _image(name)
+
+
+def _folder_errors(path: Path):
+    remedy = "give images and a timestamps.txt with a time for each, or name one recording"
+    return input_errors(path, "not a folder of images", remedy, (cv2.error,))
+
+
+def _image(path: Path) -> np.ndarray:
+    bgr = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ValueError(f"{path.name} is not an image")
+    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+
+
+def read_video(path: Path) -> Source:
+    """Frames of a video at the times that the file states, from its start."""
+    _, first = next(_video_frames(path))
+    return Source(path, first.shape[1::-1], frames=partial(_video_frames, path))
+
+
+def _video_frames(path: Path):
+    with input_errors(path, "not a video", "convert it to MP4 or copy it again", (cv2.error,)):
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        more, bgr = video.read()
+        if not more:
+            raise ValueError("no frame can be decoded")
+        while more:
+            yield round(video.get(cv2.CAP_PROP_POS_MSEC) * 1000), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+            more, bgr = video.read()
+        video.release()
