@@ -21,9 +21,9 @@ PACKAGE = Path(__file__).resolve().parent
 CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
 ROOT = PACKAGE.parent
 DATA = (ROOT if CHECKOUT else PACKAGE) / "data"  # a wheel carries its data inside the package
-DERIVED = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
+DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # all that a chapter's output depends on besides its own cells: of results tables and pictures, no archives
-OF_PAGES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
+PAGE_SOURCES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
             "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
@@ -35,7 +35,7 @@ def profile() -> str:
 
 
 @cache
-def made_by(*modules: str) -> tuple[str, ...]:
+def source_files(*modules: str) -> tuple[str, ...]:
     """Source files of modules (``"pipeline.run"``) and of all that they import, relative to the checkout."""
     waiting, files = [PACKAGE.joinpath(*name.split(".")).with_suffix(".py") for name in modules], set()
     while waiting:
@@ -74,7 +74,7 @@ def fingerprint(*extra: str, patterns=("lmmap/**/*.py", "data/weights/*", "envir
 def page_fingerprint(root: Path = ROOT) -> str:
     """Hash of the profile, and of names and contents of all that the book's pages are made of."""
     digest = hashlib.sha256(profile().encode())
-    for path in sorted(p for pattern in OF_PAGES for p in root.glob(pattern) if p.is_file()):
+    for path in sorted(p for pattern in PAGE_SOURCES for p in root.glob(pattern) if p.is_file()):
         digest.update(f"{path.relative_to(root)}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:16]

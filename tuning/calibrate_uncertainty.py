@@ -26,7 +26,7 @@ from lmmap.geometry.projection import in_view
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
-from lmmap.provenance import DATA, DERIVED, save_table
+from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
@@ -41,7 +41,7 @@ WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and h
 
 
 def recording(name: str):
-    path = DERIVED / "calibration" / f"{name}.h5"
+    path = DERIVED_DATA / "calibration" / f"{name}.h5"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_recording(sequences.simulate(name, SECONDS), path)

@@ -13,12 +13,12 @@ import pandas as pd
 
 from lmmap.bench import laboratory
 from lmmap.pipeline.network import shipped_gaps
-from lmmap.provenance import DERIVED, fingerprint, save_table
+from lmmap.provenance import DERIVED_DATA, fingerprint, save_table
 from lmmap.studies import accuracy_run
 from lmmap.studies.pose_errors import LIGHTS
 from lmmap.training.mask_quality import filter_quality, medians
 
-FOLDER = DERIVED / "judged"
+FOLDER = DERIVED_DATA / "judged"
 
 
 def say(line: str) -> None:
@@ -29,7 +29,8 @@ def judged(name: str, mark: str) -> pd.DataFrame:
     """A row per image and filter of one sequence."""
     path = FOLDER / f"{name}-{mark}.csv"
     if not path.exists():
-        recording = accuracy_run.recorded(name, laboratory.SECONDS["paper"]["test"], DERIVED / "paper", say)
+        seconds = laboratory.SECONDS["paper"]["test"]
+        recording = accuracy_run.bench_recording(name, seconds, DERIVED_DATA / "paper", say)
         table = filter_quality(recording, shipped_gaps(), precision="float32")
         FOLDER.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False)
@@ -42,7 +43,7 @@ def main() -> None:
     tests = [name for name in accuracy_run.sequences_of("paper") if name.startswith("test-")]
     names = sorted(tests, key=lambda name: LIGHTS.index(name.split("-")[1]))
     table = medians(pd.concat([judged(name, mark).assign(light=name.split("-")[1]) for name in names]))
-    path = save_table(accuracy_run.PUBLISHED / "filters.csv", table, profile="paper")
+    path = save_table(accuracy_run.COMMITTED / "filters.csv", table, profile="paper")
     print(table[table["filter"] == "ring"].round(2).to_string(index=False))
     say(f"{path.name}: written")
 

@@ -18,7 +18,7 @@ from lmmap.bench import laboratory
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FILTERS, load_card, weight_path
 from lmmap.pipeline.run import estimate
-from lmmap.provenance import DERIVED, fingerprint, save_table
+from lmmap.provenance import DERIVED_DATA, fingerprint, save_table
 from lmmap.studies import accuracy_run, accuracy_tables
 from lmmap.studies.pose_errors import LIGHTS, MODALITIES, errors, summary
 from lmmap.training import train
@@ -26,7 +26,7 @@ from lmmap.training.recipe import Recipe
 from lmmap.types import Port
 
 SEEDS, STEPS, RATE_HZ = (1, 2), 1500, 2.0
-FOLDER = DERIVED / "seeds"
+FOLDER = DERIVED_DATA / "seeds"
 
 
 def say(line: str) -> None:
@@ -42,7 +42,7 @@ def weights_of(seed: int):
         path = folder / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
         recipe = Recipe.shipped(name, modality, "high", seed=seed, steps=STEPS)
         if not (path.exists() and load_card(path)["command"] == recipe.command):
-            train.train(recipe, DERIVED / "training", say, path)
+            train.train(recipe, DERIVED_DATA / "training", say, path)
     return folder
 
 
@@ -53,7 +53,7 @@ def cells(seed: int, light: str, modality: str) -> pd.DataFrame:
     done = path.with_suffix(".done")
     if not (path.exists() and done.exists() and done.read_text() == mark):
         seconds = laboratory.SECONDS["paper"]["test"]
-        recording = accuracy_run.recorded(f"test-{light}", seconds, DERIVED / "paper", say)
+        recording = accuracy_run.bench_recording(f"test-{light}", seconds, DERIVED_DATA / "paper", say)
         estimator = Estimator(recording.camera, Port.lm_map(), modality, weights)
         table = errors(recording, list(estimate(recording, estimator, RATE_HZ)), Port.lm_map())
         rows = summary(table, accuracy_tables.DRAWS, rate_hz=RATE_HZ).query("outlier_filter == 'without'")
@@ -71,7 +71,7 @@ def main() -> None:
     shipped = {f"{f}-{m}": load_card(weight_path(f, m, "high"))["recipe"]["steps"]
                for f, m in product(FILTERS, MODALITIES)}  # fmt: skip
     save_table(
-        accuracy_run.PUBLISHED / "seeds.csv",
+        accuracy_run.COMMITTED / "seeds.csv",
         table,
         steps={"seed 0": shipped, "others": STEPS},
         rate_hz=RATE_HZ,

@@ -26,17 +26,16 @@ from lmmap.bench import sequences
 from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, in_time, true_poses
-from lmmap.provenance import DATA, DERIVED, fingerprint, save_json, save_table
+from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stacked
-from lmmap.studies.accuracy_run import OF_ESTIMATES
+from lmmap.studies.accuracy_run import estimates_fingerprint
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.motion_model import Motion
 from lmmap.tracking.outliers import RIGHT_M, RIGHT_RAD, certain
 from lmmap.types import Port, Status
 
-MAKERS = (*OF_ESTIMATES, "data/weights/*-low.*")
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
 SECONDS, RATE_HZ = 8.0, 10.0
 MODALITIES = ("rgb", "event")
@@ -48,9 +47,9 @@ LOST_S = (0.2, 0.3, 0.5, 0.8, 1.2)
 
 def measured(name: str):
     """The recording of a sequence and its estimates by modality; made once for each estimator."""
-    folder = DERIVED / "fusion"
+    folder = DERIVED_DATA / "fusion"
     folder.mkdir(parents=True, exist_ok=True)
-    path, mark = folder / f"{name}.h5", fingerprint(patterns=MAKERS)[:8]
+    path, mark = folder / f"{name}.h5", estimates_fingerprint("*", "low")[:8]
     if not path.exists():
         write_recording(sequences.simulate(name, SECONDS), path)
     recording, found = open_recording(path), {}

@@ -24,7 +24,7 @@ from validation_conditions import CONDITIONS, cases
 from lmmap.geometry.projection import circle_ellipse
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS, load_card, load_filter, shipped_gaps, weight_path
-from lmmap.provenance import DATA, DERIVED, load_table, save_table
+from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment, dataset, train
 from lmmap.training.mask_quality import iou
@@ -105,11 +105,11 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
     links, names = world.FOLDER / "training", dataset.SETS["robust"]
     kept = kept_as(modality, label, steps, ".safetensors")
     if not kept.exists():
-        dataset.make_samples(names, DERIVED / "training")
+        dataset.make_samples(names, DERIVED_DATA / "training")
         links.mkdir(parents=True, exist_ok=True)
         for name in names:
             if not (links / name).exists():
-                (links / name).symlink_to(DERIVED / "training" / name)
+                (links / name).symlink_to(DERIVED_DATA / "training" / name)
         for old in links.glob("*.ckpt.safetensors"):  # of another variant
             old.unlink()
         recipe = Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")

@@ -19,13 +19,13 @@ from lmmap.bench.event_sensor import Sensor
 from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import fitting
 from lmmap.pipeline.run import images
-from lmmap.provenance import DERIVED
+from lmmap.provenance import DERIVED_DATA
 from lmmap.training import dataset
 from lmmap.types import EVENT, PAPER, Camera, Port, Pose, Recording, Trajectory
 
 SEQUENCES = [f"realistic-{i}" for i in range(1201, 1210)]
 PICTURES = [f"realistic-{i}" for i in range(1210, 1217)]
-FOLDER = DERIVED / "validation"
+FOLDER = DERIVED_DATA / "validation"
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
 SECONDS, EACH = 0.7, 2  # length of a recording, and most images from it
 HISTOGRAMS = {"event": 1.0, "event half": 0.5, "event double": 2.0}  # of the paper's N

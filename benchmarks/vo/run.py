@@ -19,9 +19,8 @@ import pandas as pd
 
 from lmmap.bench import simulate
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import best_precision
 from lmmap.pipeline.run import estimate
-from lmmap.provenance import DERIVED, ROOT, fingerprint, made_by, profile, save_table
+from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, profile, save_table, source_files
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.studies import accuracy_run, odometry, odometry_files
@@ -58,7 +57,7 @@ def prepare(name: str, seconds: float, folder: Path) -> str:
     path = folder / f"{name}.h5"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulate.record(name, seconds, path))
-    exported = mark + fingerprint(patterns=made_by("studies.odometry_files"))
+    exported = mark + fingerprint(patterns=source_files("studies.odometry_files"))
     kept(
         folder / name, exported, lambda: odometry_files.export(open_recording(path), folder / name, bag=False)
     )
@@ -129,13 +128,8 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    own = (
-        *accuracy_run.OF_ESTIMATES,
-        "lmmap/odometry.py",
-        f"data/weights/*-{modality}-low.*",
-        "environment.txt",
-    )
-    kept(path, mark + fingerprint(best_precision(), patterns=own), make)
+    sources = ["lmmap/studies/odometry.py"]
+    kept(path, mark + accuracy_run.estimates_fingerprint(modality, "low", sources=sources), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
@@ -174,7 +168,7 @@ def main() -> None:
                         help="runs at a time; each wants a third of a core, in real time")  # fmt: skip
     parser.add_argument("--runs", type=int, default=RUNS, help="of each of the three starts")
     arguments = parser.parse_args()
-    seconds, folder = SECONDS[profile()], DERIVED / "vo" / profile()
+    seconds, folder = SECONDS[profile()], DERIVED_DATA / "vo" / profile()
     (folder / "tracks").mkdir(parents=True, exist_ok=True)
     marks = {name: prepare(name, seconds, folder) for name in odometry.SEQUENCES}
     words = folder / "vocabulary.txt"

@@ -8,7 +8,7 @@ import inspect
 
 from lmmap import provenance
 
-FOLDERS = {"DATA": provenance.DATA, "DERIVED": provenance.DERIVED}
+FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA}
 
 
 def sources(cells: list[str]) -> list[set[str]]:

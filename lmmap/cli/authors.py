@@ -16,7 +16,7 @@ from ..files import CAMERA, atomic
 from ..pages import beside_paper
 from ..pipeline.estimator import Estimator, fitting
 from ..pipeline.network import CHANNELS, FILTERS, weight_path
-from ..provenance import DERIVED
+from ..provenance import DERIVED_DATA
 from ..recordings.formats import open_stream
 from ..rig import authors_bags, calibration, checkerboard, standin, tf
 from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
@@ -232,6 +232,6 @@ def train(a) -> None:
 def reproduce(a) -> None:
     """The paper's studies on a folder of bags; ends with the table."""
     out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True))
-    text = beside_paper.told(out, DERIVED / a.profile)
+    text = beside_paper.results_text(out, DERIVED_DATA / a.profile)
     (out / "told.txt").write_text(text + "\n")
     print(f"\n{text}")

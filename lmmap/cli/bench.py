@@ -12,7 +12,7 @@ from tqdm import tqdm
 from ..bench import laboratory, photometry, sequences
 from ..bench.simulate import record, record_all
 from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
-from ..provenance import DERIVED, save_json
+from ..provenance import DERIVED_DATA, save_json
 from ..recordings.formats import WRITERS
 from ..studies import accuracy_run
 from ..training.recipe import Recipe
@@ -80,7 +80,9 @@ def train(a) -> None:
         asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
         changes = {key: value for key, value in asked.items() if value is not None}
         recipe = Recipe.shipped(name, modality, gap, **changes)
-        path = train.train(recipe, DERIVED / "training", lambda line: print(line, flush=True), go_on=a.go_on)
+        path = train.train(
+            recipe, DERIVED_DATA / "training", lambda line: print(line, flush=True), go_on=a.go_on
+        )
         print(f"{path}: written")
 
 
@@ -95,8 +97,8 @@ def reproduce(a) -> None:
         return
     from ..pages import gallery  # matplotlib takes a second to import
 
-    pictures = gallery.keep if paper else None
+    pictures = gallery.save_tiles if paper else None
     changed = accuracy_run.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
-    if paper and (changed or not (accuracy_run.PUBLISHED / "worst.jpg").exists()):
+    if paper and (changed or not (accuracy_run.COMMITTED / "worst.jpg").exists()):
         labels, empty = accuracy_run.labels_of(a.profile), accuracy_run.empty_labels(a.profile)
-        gallery.publish(DERIVED / a.profile, accuracy_run.PUBLISHED, labels, empty)
+        gallery.save_sheets(DERIVED_DATA / a.profile, accuracy_run.COMMITTED, labels, empty)

@@ -16,7 +16,7 @@ STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odome
 
 
 def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
-    """Table I's cells: ``published``, the ``bench``'s where it was run, and ``recordings: NAME``."""
+    """Table I's cells: ``table1``, the ``bench``'s where it was run, and ``recordings: NAME``."""
     table = (
         pose_errors.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
     )
@@ -25,7 +25,7 @@ def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
         table = table.merge(ours, on=KEYS, how="left")
     else:
         table["bench"] = float("nan")
-    return table[[*KEYS, "published", "bench", f"recordings: {out.name}"]]
+    return table[[*KEYS, "table1", "bench", f"recordings: {out.name}"]]
 
 
 def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
@@ -42,7 +42,7 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
         cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
         for training, some in cells.groupby("training"):
             text = of_accuracy(
-                some, ("median", "in_fov", "all"), {"published": "paper", "bench": "bench", mark: mark}
+                some, ("median", "in_fov", "all"), {"table1": "paper", "bench": "bench", mark: mark}
             )
             found[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
     return found
@@ -52,7 +52,7 @@ def _short(table: pd.DataFrame) -> pd.DataFrame:
     return table.map(lambda value: f"{value:.3g}" if isinstance(value, float) else value)
 
 
-def told(out: Path, bench: Path) -> str:
+def results_text(out: Path, bench: Path) -> str:
     """All results of a folder as text, each part marked."""
     about = load_json(out / "about.json")
     parts = ["left out\n" + "\n".join(about["left_out"])] if about["left_out"] else []

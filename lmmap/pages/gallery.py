@@ -56,9 +56,9 @@ def false_poses(folder: Path, labels: dict[str, tuple[str, str]]) -> pd.DataFram
     return pd.DataFrame(rows, columns=["sequence", "modality", "label", "t_us"])
 
 
-def keep(recording: Recording, folder: Path, labels: dict[str, tuple[str, str]],
+def save_tiles(recording: Recording, folder: Path, labels: dict[str, tuple[str, str]],
          rate_hz: float) -> list[Path]:  # fmt: skip
-    """Small pictures of what one sequence may give to `publish`, as files of ``folder``.
+    """Small pictures of what one sequence may give to `save_sheets`, as files of ``folder``.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def keep(recording: Recording, folder: Path, labels: dict[str, tuple[str, str]],
     return files
 
 
-def publish(folder: Path, target: Path, labels: dict[str, tuple[str, str]], empty: dict) -> None:
-    """Pictures of the worst, of missed and of false answers as JPEG into ``target``, from what `keep` has
-    drawn of each sequence; false ones are those with the labels ``empty``."""
+def save_sheets(folder: Path, target: Path, labels: dict[str, tuple[str, str]], empty: dict) -> None:
+    """Pictures of the worst, of missed and of false answers as JPEG into ``target``, from what `save_tiles`
+    has drawn of each sequence; false ones are those with the labels ``empty``."""
     for name, rows in (
         ("worst", worst(folder, labels)),
         ("missed", missed(folder, labels)),

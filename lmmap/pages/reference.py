@@ -19,7 +19,7 @@ import llvmlite.binding
 import numpy as np
 import pandas as pd
 
-from ..provenance import DATA, DERIVED, ROOT, load_json, page_fingerprint, profile, save_json
+from ..provenance import DATA, DERIVED_DATA, ROOT, load_json, page_fingerprint, profile, save_json
 from ..types import InputError
 
 RELATIVE = 0.02  # of a number; of a series, whose quartiles one of fifty images can move, its middle half too
@@ -28,7 +28,7 @@ INK = 2.5  # of 255, in a cell of a figure: less than what a line adds to it
 CELLS = (24, 12)  # of a figure, across and down
 STATES = ("unchanged", "within tolerance", "changed")
 BUILD = ROOT / "_build"
-OF_THE_CHECKOUT = ("provenance",)  # chapters about files and versions: what they show is no result
+CHECKOUT_CHAPTERS = ("provenance",)  # chapters about files and versions: what they show is no result
 WRAPPING = re.compile(r"(^|_)q[xyzw]$|angle_rad$")  # quaternions and angles, whose quartiles mean nothing
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")  # within words
 
@@ -62,7 +62,7 @@ def inventory(results: Path, chapters: Path) -> dict[str, dict]:
             values = values.get("values", values)  # their provenance names the commit, which may be another
             items[path.name] = _item(json.dumps(values).encode(), _flat(values))
     for path in sorted(chapters.glob("*.ipynb")):
-        if path.stem not in OF_THE_CHECKOUT:
+        if path.stem not in CHECKOUT_CHAPTERS:
             items |= _chapter(path)
     return items
 
@@ -209,9 +209,9 @@ def check(update: bool = False, report=print) -> None:
     of, path = profile(), reference_path(profile())
     if not (BUILD / "execution" / page_fingerprint()).is_dir():
         raise InputError(f"{BUILD}: no pages of the present module, data and pins; run 'make book' first")
-    found = inventory(DERIVED / of, BUILD / "jupyter_execute" / "book")
+    found = inventory(DERIVED_DATA / of, BUILD / "jupyter_execute" / "book")
     if not found:
-        raise InputError(f"{DERIVED / of}: no results; run 'make book' first")
+        raise InputError(f"{DERIVED_DATA / of}: no results; run 'make book' first")
     if update:
         save_json(path, {"processor": processor(), "items": found}, profile=of)
         report(f"{path}: {len(found)} items, now the reference")

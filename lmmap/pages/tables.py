@@ -23,7 +23,7 @@ WORDS = {  # what a table calls a metric and its statistic
     ("detection_rate_percent", "all"): "found, all images (%)",
 }
 ESTIMATORS = {
-    "published": "paper",
+    "table1": "paper",
     "printed": "printed",
     "ours": "ours",
     "certain": "certain",
@@ -41,7 +41,7 @@ def of_accuracy(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,
                 estimators: Mapping[str, str] = ESTIMATORS) -> pd.DataFrame:  # fmt: skip
     """Rows of `accuracy.compare` in words: a row per metric and estimator (titles by column), a column per
     light and camera, positions in mm; a value, and in brackets its 95 % interval where it has one."""
-    nothing, parts = compared.published * np.nan, []
+    nothing, parts = compared.table1 * np.nan, []
     for column, estimator in estimators.items():
         ends = (compared.get(column + end, nothing) for end in ("", "_low", "_high"))
         parts.append(compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), by=estimator))
@@ -52,8 +52,8 @@ def of_differences(compared: pd.DataFrame):
     """In how many cells of `accuracy.compare` the paper's value lies in our 95 % interval, and in how many of
     the others ours is better or worse, styled: a row per metric, columns by domain gap."""
     more_is_better = compared.metric == "detection_rate_percent"
-    inside = compared.published.between(compared.ours_low, compared.ours_high)
-    better = (compared.ours > compared.published) == more_is_better
+    inside = compared.table1.between(compared.ours_low, compared.ours_high)
+    better = (compared.ours > compared.table1) == more_is_better
     told = compared.assign(
         of=[WORDS[key] for key in zip(compared.metric, compared.statistic, strict=True)],
         ours=np.select([inside, better], ["alike", "better"], "worse"),
@@ -67,7 +67,7 @@ def of_differences(compared: pd.DataFrame):
 def of_found(answers: pd.DataFrame, compared: pd.DataFrame):
     """Percent of the images with the ring in view that have a pose in the paper, a pose of ours, at least an
     ellipse of ours, styled: of `accuracy.compare`, and of `distributions.answers` by what that has."""
-    rows = {"published": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
+    rows = {"table1": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
     cell, cameras = ["training", "light", "modality"], ("rgb", "event")
     counts = answers.assign(ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers"]), 0))
     counts = counts.groupby(cell)[["ellipse", "in_view"]].sum()
@@ -147,10 +147,10 @@ def of_fusion(apart: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
 
 
-def of_saturation(shares: pd.DataFrame, published_percent: np.ndarray):
+def of_saturation(shares: pd.DataFrame, paper_percent: np.ndarray):
     """Shares of black and white pixels by ``light``, the paper's (3, 2) beside them, and the rank correlation
     of both together with the error; styled."""
-    paper = pd.DataFrame(published_percent, list(LIGHTS), ["low", "high"])
+    paper = pd.DataFrame(paper_percent, list(LIGHTS), ["low", "high"])
     ours = shares.set_index("light").loc[list(LIGHTS)]
     columns = {(f"{word} (%)", whose): of[end] for end, word in (("low", "black"), ("high", "white"))
                for whose, of in (("paper", paper), ("ours", ours))}  # fmt: skip
@@ -164,10 +164,10 @@ def of_hard_cases(counts: pd.DataFrame, cases: Mapping[str, str]):
     paper = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
     rows = []
     for (name, modality), c in counts[counts.index.isin(cases, level=0)].iterrows():
-        published = paper[(paper.condition == cases[name]) & paper.quantity.str.endswith(modality)].value
+        reported = paper[(paper.condition == cases[name]) & paper.quantity.str.endswith(modality)].value
         rows.append({
             "case": cases[name], "camera": CAMERAS[modality],
-            "ellipse, paper (%)": float(published.item()) if len(published) else np.nan,
+            "ellipse, paper (%)": float(reported.item()) if len(reported) else np.nan,
             "ellipse, ours (%)": 100 * c.ellipses / c.images if modality != "fused" else np.nan,
             "pose, ours (%)": 100 * c.poses / c.images, "our images": c.images,
             "off by (mm)": 1e3 * c.position_error_m, "normal (°)": c.normal_error_deg,

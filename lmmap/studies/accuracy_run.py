@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import joblib
@@ -12,7 +13,7 @@ from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision, shipped_gaps
 from ..pipeline.run import estimate, in_time
-from ..provenance import DATA, DERIVED, fingerprint, made_by, save_json, save_table
+from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
 from ..recordings.pose_files import write_estimates
 from ..tracking.fusion import fuse
@@ -25,15 +26,15 @@ from .archive import pack, unpack
 from .claims import claims
 from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 
-OF_ESTIMATES = made_by("pipeline.run", "recordings.pose_files")
-OF_RESULTS = (
-    *made_by("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
+ESTIMATE_SOURCES = source_files("pipeline.run", "recordings.pose_files")
+RESULT_SOURCES = (
+    *source_files("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
              "training.mask_quality", "studies.pose_errors"),
     "data/weights/*", "environment.txt",
 )  # fmt: skip
 TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
-PUBLISHED = DATA / "results" / "accuracy"  # the paper profile's tables
+COMMITTED = DATA / "results" / "accuracy"  # the paper profile's tables
 
 
 def sequences_of(profile: str) -> list[str]:
@@ -53,27 +54,27 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
 
     Each recording, each modality's estimates and each sequence's results are kept as soon as they are done,
     under a fingerprint of what made them, so that an interrupted run goes on and a second run has nothing to
-    do.  The paper profile's tables are copied to `PUBLISHED`, and each sequence's results packed there.
+    do.  The paper profile's tables are copied to `COMMITTED`, and each sequence's results packed there.
 
     Parameters
     ----------
     jobs
         Sequences at once.  One of 210 s asks for up to 12 GB of memory.
     pictures
-        Of a sequence, `gallery.keep`; default: none.
+        Of a sequence, `gallery.save_tiles`; default: none.
     go_on
-        Begin with the results packed in `PUBLISHED` that are made of the same things.
+        Begin with the results packed in `COMMITTED` that are made of the same things.
 
     Returns
     -------
     bool
         Whether anything was to be done.
     """
-    folder, whole = DERIVED / profile, fingerprint(profile)
+    folder, whole = DERIVED_DATA / profile, fingerprint(profile)
     folder.mkdir(parents=True, exist_ok=True)
     waiting = {}
     for name in sequences_of(profile):
-        mark = fingerprint(name, profile, best_precision(), patterns=OF_RESULTS)
+        mark = fingerprint(name, profile, best_precision(), patterns=RESULT_SOURCES)
         if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
         elif go_on and unpack(_packed(name), folder, mark):
@@ -92,7 +93,7 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
 
 
 def _packed(name: str) -> Path:
-    return PUBLISHED / "sequences" / f"{name}.zip"
+    return COMMITTED / "sequences" / f"{name}.zip"
 
 
 def _tests(profile: str, light: str) -> list[str]:
@@ -115,7 +116,8 @@ def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
 
 def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures=None) -> None:
     seconds = laboratory.SECONDS[profile][kind := name.split("-")[0]]
-    recording = recorded(name, seconds / EMPTY[profile] if kind == "empty" else seconds, folder, report)
+    seconds = seconds / EMPTY[profile] if kind == "empty" else seconds
+    recording = bench_recording(name, seconds, folder, report)
     facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
     counted, files = [], []
@@ -154,7 +156,7 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
     write_text(folder / f"{name}.done", mark)
 
 
-def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
+def bench_recording(name: str, seconds: float, folder: Path, report) -> Recording:
     """The sequence's recording, simulated unless the one kept is of the same bench and length."""
     path, made_of = folder / f"{name}.h5", folder / f"{name}.simulated"
     mark = fingerprint(name, str(seconds), patterns=BENCH)
@@ -165,12 +167,27 @@ def recorded(name: str, seconds: float, folder: Path, report) -> Recording:
     return open_recording(path)
 
 
+def estimates_fingerprint(modality: str, gap: str, *facts: str, sources: Sequence[str] = ()) -> str:
+    """Hash of what estimates depend on: modules, a modality's filters, pins, precision, and the given facts.
+
+    Parameters
+    ----------
+    modality, gap
+        Name the filters' weights; ``"*"`` names all of them.
+    facts
+        About the images: their recording, their rate.
+    sources
+        Further files that have a part in the result, as patterns relative to the checkout.
+    """
+    patterns = (*ESTIMATE_SOURCES, *sources, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
+    return fingerprint(*facts, best_precision(), patterns=patterns)
+
+
 def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path,
                report) -> list[Estimate]:  # fmt: skip
     """Those kept, if the estimator and its two filters are still the ones that made them."""
     name = label(recording.name, modality, gap)
-    own = (*OF_ESTIMATES, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
-    mark = fingerprint(recording.name, str(rate_hz), best_precision(), patterns=own)
+    mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz))
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and has_mark(done, mark)):
         estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
@@ -182,11 +199,11 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
 
 
 def _tabulate(profile: str, folder: Path) -> None:
-    """Tables of the whole profile, in its folder and of the paper's also in `PUBLISHED`, then the claims."""
+    """Tables of the whole profile, in its folder and of the paper's also in `COMMITTED`, then the claims."""
     tests = {light: _tests(profile, light) for light in LIGHTS}
     tables = accuracy_tables.tables(folder, tests, sequences_of(profile))
     facts = {"profile": profile, "seed": SEED, "draws": DRAWS, "block_s": BLOCK_S}
-    for target in [folder, PUBLISHED] if profile == "paper" else [folder]:
+    for target in [folder, COMMITTED] if profile == "paper" else [folder]:
         for name, table in tables.items():
             save_table(target / f"{name}.csv", table, **facts)
         rows = claims(pose_errors.compare(target), tables["counts"], tables["saturation"])

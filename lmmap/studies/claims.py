@@ -50,7 +50,7 @@ def _modalities(table):
     def row(claim, pairs, holds, why):
         known = np.isfinite([one.printed for pair in pairs for one in pair]).all()
         why = why if known else "a cell is empty: no three poses in a row"
-        return (claim, told(pairs, "published"), _both(told(pairs, "printed"), told(pairs, "ours")),
+        return (claim, told(pairs, "table1"), _both(told(pairs, "printed"), told(pairs, "ours")),
                 _verdict(holds(pairs)) if known else UNTESTED, why)  # fmt: skip
 
     def alike(pairs):
@@ -81,9 +81,9 @@ def _mm(value_m: float) -> str:
 def _saturation(table, saturation):
     some = table.query("training == 'low-domain-gap' and outlier_filter == 'without' and modality == 'rgb' "
                        "and metric == 'position_error_m' and statistic == 'median'")  # fmt: skip
-    published = _other().query("where == 'table 1'").astype({"value": float})
-    total = published.groupby("condition").value.sum()
-    error_mm = 1e3 * some.set_index("light").published
+    saturated = _other().query("where == 'table 1'").astype({"value": float})
+    total = saturated.groupby("condition").value.sum()
+    error_mm = 1e3 * some.set_index("light").table1
     paper = "; ".join(f"{total[f'{light} light']:.1f} % and {error_mm[light]:.0f} mm" for light in LIGHTS)
     ranks = saturation.set_index("light").rank_correlation.loc[list(LIGHTS)]
     ours = ", ".join(f"{light} {rank:+.2f}" for light, rank in ranks.items())
@@ -104,21 +104,21 @@ def _outlier_filter(table):
     ):  # fmt: skip
         new, old = (some[some.outlier_filter == f].set_index(keys) for f in ("with", "without"))
         said, share = {}, {}
-        for column in ("published", "printed", "ours"):
+        for column in ("table1", "printed", "ours"):
             pair = pd.DataFrame({"new": new[column], "old": old[column]}).dropna()
             found = holds(pair.new, pair.old)
             said[column], share[column] = f"{found.sum()} of {len(pair)} cells", found.mean()
         verdict = _verdict(share["printed"] > 0.5)
-        yield claim, said["published"], _both(said["printed"], said["ours"]), verdict, "most cells decide"
+        yield claim, said["table1"], _both(said["printed"], said["ours"]), verdict, "most cells decide"
 
 
 def _rotation(table):
     some = table.query("outlier_filter == 'without' and statistic == 'median'").set_index("metric")
     middle = {c: (1e3 * some.loc["position_error_m", c].median(), some.loc["normal_error_deg", c].median())
-              for c in ("published", "printed", "ours")}  # fmt: skip
+              for c in ("table1", "printed", "ours")}  # fmt: skip
     said = {c: f"{mm:.1f} mm, {deg:.1f} deg" for c, (mm, deg) in middle.items()}
     return ("Position is good and the normal poor, because tilt is hard to see (median of all cells)",
-            said["published"], _both(said["printed"], said["ours"]), _verdict(middle["ours"][1] > POOR_DEG),
+            said["table1"], _both(said["printed"], said["ours"]), _verdict(middle["ours"][1] > POOR_DEG),
             "the exact formula on the same ellipses would be as poor, were it the measurement; "
             f"poor: above {POOR_DEG:g} deg")  # fmt: skip
 

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from ..pipeline.estimator import Estimator, fitting
 from ..pipeline.network import FILTERS, weight_path
 from ..pipeline.run import answered, shots
-from ..provenance import DERIVED, fingerprint, save_json, save_table
+from ..provenance import DERIVED_DATA, fingerprint, save_json, save_table
 from ..recordings.formats import open_stream
 from ..recordings.journal import Journal
 from ..recordings.pose_files import read_estimates
@@ -53,7 +53,7 @@ def survey(folder) -> tuple[list[AuthorsBag], list[str]]:
 
 def output(folder) -> Path:
     """Where a folder's results lie."""
-    return DERIVED / "recordings" / Path(folder).resolve().name
+    return DERIVED_DATA / "recordings" / Path(folder).resolve().name
 
 
 def reproduce(folder, report=print) -> Path:

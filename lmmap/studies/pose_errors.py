@@ -158,12 +158,12 @@ def compare(folder: Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row per cell of the paper's table.  ``published``; ``printed``, the paper's formula on our ellipses;
+        A row per cell of the paper's table.  ``table1``; ``printed``, the paper's formula on our ellipses;
         ``ours``, the exact and refined pose; ``certain``, ours where its covariance is small; ``fused`` of
         both modalities, alike for both.  Of ours, ``_low`` and ``_high`` bound the 95 % interval.
     """
     cell = ["training", "outlier_filter", "metric", "statistic", "light"]
-    paper = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "published"})
+    paper = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
     every = pd.read_csv(folder / "summary.csv")
     names = {"printed": "printed", "exact": "ours", "certain": "certain", "fused": "fused"}
     for variant, name in names.items():

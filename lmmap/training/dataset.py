@@ -19,7 +19,7 @@ from ..bench.renderer import ray_grid
 from ..files import atomic
 from ..pipeline.histograms import joined
 from ..pipeline.network import FILTERS
-from ..provenance import fingerprint, made_by
+from ..provenance import fingerprint, source_files
 from ..recordings.stream import Stream
 from ..types import EVENT, PAPER, Port, Recording
 
@@ -28,7 +28,7 @@ SEQUENCE_SECONDS, SAMPLES = 0.8, 5
 EXCERPT_EVERY_S = 4.0  # between pieces of a long recording: neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
-BENCH = made_by("bench.sequences", "bench.labels")
+BENCH = source_files("bench.sequences", "bench.labels")
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
 SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL}

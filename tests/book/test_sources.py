@@ -15,16 +15,16 @@ IMPORTS = """
 import numpy as np
 from lmmap.pages import drawings
 from lmmap.pipeline import histograms
-from lmmap.geometry.projection.projection import project
+from lmmap.geometry.projection import project
 from lmmap.recordings.formats import open_recording
-from lmmap.provenance import DATA, DERIVED, profile
+from lmmap.provenance import DATA, DERIVED_DATA, profile
 """
 
 
 @pytest.mark.parametrize("cell, expected", [
     ("x = histograms.windows([], 1)", {"lmmap.pipeline.histograms.windows"}),
     ("open_recording(DATA / 'a' / 'b')", {"lmmap.recordings.formats.open_recording", "data/a/b"}),
-    ("t = DERIVED / profile() / 'summary.csv'", {"data/derived"}),
+    ("t = DERIVED_DATA / profile() / 'summary.csv'", {"data/derived"}),
     ("drawings.use_style(); np.zeros(3); print('x')", set()),
     ("def f(x):\n    return project(x, None)", {"lmmap.geometry.projection.project"}),
 ])  # fmt: skip

@@ -88,12 +88,12 @@ def test_pictures_are_published_only_of_what_there_is(tmp_path):
     for label in LABELS:
         full.to_csv(folder / f"errors-{label}.csv", index=False)
     recording, labels = open_recording(folder / "mini.h5"), {"mini-rgb": LABELS["mini-rgb"]}
-    kept = gallery.keep(recording, folder, labels, 5.0)
-    kept += gallery.keep(replace(recording, truth=None), folder, LABELS, 5.0)
+    kept = gallery.save_tiles(recording, folder, labels, 5.0)
+    kept += gallery.save_tiles(replace(recording, truth=None), folder, LABELS, 5.0)
     (folder / "mini.h5").unlink()
-    gallery.publish(folder, target, labels, {})
+    gallery.save_sheets(folder, target, labels, {})
     assert [path.name for path in target.iterdir()] == ["worst.jpg"]
-    gallery.publish(folder, target, labels, LABELS)
+    gallery.save_sheets(folder, target, labels, LABELS)
     assert sorted(path.name for path in target.iterdir()) == ["false.jpg", "worst.jpg"]
     tile, sheet = plt.imread(kept[0]), plt.imread(target / "worst.jpg")
     lines = -(-min(len(full), 10) // gallery.COLUMNS)

@@ -148,7 +148,7 @@ def test_words_and_unknown_numbers_have_no_tolerance():
 @pytest.fixture
 def project(made, monkeypatch, tmp_path):
     monkeypatch.setattr(reference, "BUILD", tmp_path / "_build")
-    monkeypatch.setattr(reference, "DERIVED", tmp_path / "derived")
+    monkeypatch.setattr(reference, "DERIVED_DATA", tmp_path / "derived")
     monkeypatch.setattr(reference, "DATA", tmp_path / "data")
     monkeypatch.setattr(reference, "profile", lambda: ".")
     fresh = tmp_path / "_build" / "execution" / provenance.page_fingerprint()

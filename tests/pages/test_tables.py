@@ -16,10 +16,10 @@ from lmmap.types import Status
 @pytest.fixture
 def compared():
     """One quarter of the paper's table, ours twice as large with intervals, and no *certain*."""
-    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "published"})
+    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
     table = table.query("training == 'low-domain-gap' and outlier_filter == 'without'")
-    return table.assign(ours=2 * table.published, ours_low=table.published, ours_high=3 * table.published,
-                        printed=table.published, printed_low=table.published, printed_high=table.published,
+    return table.assign(ours=2 * table.table1, ours_low=table.table1, ours_high=3 * table.table1,
+                        printed=table.table1, printed_low=table.table1, printed_high=table.table1,
                         fused=np.nan)  # fmt: skip
 
 
@@ -34,21 +34,19 @@ def test_a_table_says_in_words_what_the_numbers_say(compared):
         value, low_high = of.ours.rstrip(")").split(" (")
         ends = [float(end) for end in low_high.split(" to ")]
         assert [float(value), *ends] == pytest.approx(
-            scale * row.published.item() * np.array([2, 1, 3]), rel=0.006
+            scale * row.table1.item() * np.array([2, 1, 3]), rel=0.006
         )
-        assert float(of.paper) == pytest.approx(scale * row.published.item(), rel=0.006)
+        assert float(of.paper) == pytest.approx(scale * row.table1.item(), rel=0.006)
         assert of.printed == of.paper  # an interval of no width goes without saying
         assert of.fused == of.certain == "none"
 
 
 def test_differences_are_counted(compared):
-    ends = dict(ours_low=compared.published, ours_high=compared.published + 1)
-    counts = tables.of_differences(compared.assign(ours=compared.published + 0.5, **ends)).data
+    ends = dict(ours_low=compared.table1, ours_high=compared.table1 + 1)
+    counts = tables.of_differences(compared.assign(ours=compared.table1 + 0.5, **ends)).data
     assert counts["low domain gap", "alike"].tolist() == [6] * len(tables.WORDS)
-    ends = dict(ours_low=compared.published + 1, ours_high=compared.published + 3)
-    counts = tables.of_differences(compared.assign(ours=compared.published + 2, **ends)).data[
-        "low domain gap"
-    ]
+    ends = dict(ours_low=compared.table1 + 1, ours_high=compared.table1 + 3)
+    counts = tables.of_differences(compared.assign(ours=compared.table1 + 2, **ends)).data["low domain gap"]
     found = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
     assert counts.better.tolist() == (6 * found).tolist() and counts.worse.tolist() == (6 * ~found).tolist()
 
@@ -59,7 +57,7 @@ def test_an_ellipse_without_markers_is_found_as_the_paper_counts(compared):
         pd.DataFrame({"status": ["ok", "no_markers", "no_ring"], "in_view": [5, 4, 1]}), "cross"
     )
     told = tables.of_found(answers, compared).data["low light", "frames"].loc["low domain gap"]
-    paper = compared.query("light == 'low' and modality == 'rgb' and statistic == 'in_fov'").published.item()
+    paper = compared.query("light == 'low' and modality == 'rgb' and statistic == 'in_fov'").table1.item()
     assert told.tolist() == pytest.approx([paper, 2 * paper, 90])
 
 

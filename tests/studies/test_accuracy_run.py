@@ -52,8 +52,8 @@ class Estimates:
 
 @pytest.fixture
 def quick(tmp_path, monkeypatch):
-    monkeypatch.setattr(accuracy_run, "DERIVED", tmp_path)
-    monkeypatch.setattr(accuracy_run, "recorded", recorded)
+    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", tmp_path)
+    monkeypatch.setattr(accuracy_run, "bench_recording", recorded)
     monkeypatch.setattr(accuracy_tables, "DRAWS", 50)
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
@@ -108,10 +108,10 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
 
 @pytest.fixture
 def paper(quick, monkeypatch):
-    monkeypatch.setattr(accuracy_run, "PUBLISHED", quick.parent / "published")
+    monkeypatch.setattr(accuracy_run, "COMMITTED", quick.parent / "committed")
     monkeypatch.setattr(accuracy_run, "_estimates", Estimates())
     accuracy_run.reproduce("paper", print, pictures=picture)
-    return accuracy_run.PUBLISHED
+    return accuracy_run.COMMITTED
 
 
 def picture(recording, folder, labels, rate_hz):
@@ -127,7 +127,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, mo
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
     assert len(tables) == 12
     other, left, lines = quick.parent / "other", Estimates(), []
-    monkeypatch.setattr(accuracy_run, "DERIVED", other)
+    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", other)
     monkeypatch.setattr(accuracy_run, "_estimates", left)
     (paper / "sequences" / "test-low-1.zip").unlink()
     assert accuracy_run.reproduce("paper", lines.append, pictures=picture, go_on=True)
@@ -143,12 +143,12 @@ def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, quick
     monkeypatch.setattr(accuracy_run, "_estimates", made)
     accuracy_run.reproduce("paper", print)
     assert not made.made  # in the folder all is up to date
-    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "repeated")
+    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "repeated")
     accuracy_run.reproduce("paper", print)
     everything = len(made.made)
     assert everything == 9 * 4 + (2 + 3) * 2
-    monkeypatch.setattr(accuracy_run, "OF_RESULTS", ["lmmap/types.py"])
-    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "changed")
+    monkeypatch.setattr(accuracy_run, "RESULT_SOURCES", ["lmmap/types.py"])
+    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "changed")
     accuracy_run.reproduce("paper", print, go_on=True)
     assert len(made.made) == 2 * everything
 
@@ -156,7 +156,7 @@ def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, quick
 def test_damaged_packed_results_are_one_clear_error(paper, quick, monkeypatch):
     path = paper / "sequences" / "test-low.zip"
     path.write_bytes(path.read_bytes()[:200])
-    monkeypatch.setattr(accuracy_run, "DERIVED", quick.parent / "other")
+    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "other")
     with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
         accuracy_run.reproduce("paper", print, go_on=True)
 
@@ -177,7 +177,10 @@ def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch)
     root, made = tmp_path / "root", []
     weights = [root / "data" / "weights" / f"ring-event-{gap}.safetensors" for gap in ("low", "robust")]
     weights[0].parent.mkdir(parents=True)
+    for path in (*weights, root / "environment.txt"):
+        path.write_text("at first")
     monkeypatch.setattr(provenance, "ROOT", root)
+    monkeypatch.setattr(accuracy_run, "ESTIMATE_SOURCES", ())
     monkeypatch.setattr(accuracy_run, "Estimator", lambda camera, port, modality, gap: made.append(gap))
     monkeypatch.setattr(accuracy_run, "estimate", lambda *_: [Estimate(0, Status.NO_RING)])
     seen = recorded("test-low", 3, tmp_path, None)

@@ -18,10 +18,10 @@ COUNTS = {  # images, ellipses, poses
 
 def made(**changed):
     """Tables in which our estimator printed exactly the paper's numbers."""
-    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "published"})
+    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
     for name in ("printed", "ours"):
-        table[name] = table.published
-        table[f"{name}_low"], table[f"{name}_high"] = 0.9 * table.published, 1.1 * table.published
+        table[name] = table.table1
+        table[f"{name}_low"], table[f"{name}_high"] = 0.9 * table.table1, 1.1 * table.table1
     columns = ["sequence", "modality", "images", "ellipses", "poses"]
     counts = pd.DataFrame([(*k, *v) for k, v in COUNTS.items()], columns=columns)
     saturation = pd.DataFrame(

@@ -32,12 +32,12 @@ def folder(tmp_path, monkeypatch):
     standin.RIG.save(root / RIG_FILE)
     Camera.davis346().save(root / CAMERA)
     for module in (provenance, on_authors_bags):
-        monkeypatch.setattr(module, "DERIVED", tmp_path / "derived")
+        monkeypatch.setattr(module, "DERIVED_DATA", tmp_path / "derived")
     return root
 
 
 def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
-    monkeypatch.setattr(on_authors_bags.accuracy, "DOMAIN_GAPS", ("low",))
+    monkeypatch.setattr(on_authors_bags.pose_errors, "DOMAIN_GAPS", ("low",))
     code, out, err = run(capsys, "reproduce", "--data", folder)
     assert code == 0, err
     assert "left out: holiday.bag: cannot read this bag" in out

@@ -72,10 +72,10 @@ def test_compare_has_every_cell_of_the_papers_table(tmp_path):
     pd.concat(variants).to_csv(tmp_path / "summary.csv", index=False)
     table = pose_errors.compare(tmp_path)
     assert len(table) == len(paper)
-    assert table.ours.tolist() == pytest.approx(table.published.tolist())
-    assert table.printed.tolist() == pytest.approx((2 * table.published).tolist())
+    assert table.ours.tolist() == pytest.approx(table.table1.tolist())
+    assert table.printed.tolist() == pytest.approx((2 * table.table1).tolist())
     rgb = table[table.modality == "rgb"]
-    assert rgb.fused.tolist() == pytest.approx(rgb.published.tolist())
+    assert rgb.fused.tolist() == pytest.approx(rgb.table1.tolist())
     assert (table.ours_low == 0).all() and (table.fused_high == 1e3).all()
 
 
