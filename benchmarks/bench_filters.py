@@ -17,8 +17,8 @@ from lmmap.pipeline.network import FILTERS, PRECISIONS, best_precision
 from lmmap.pipeline.run import images
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
+from lmmap.settings import OURS
 from lmmap.training.mask_quality import iou
-from lmmap.types import PAPER
 
 ROUNDS = 21
 
@@ -52,7 +52,7 @@ def main():
         for precision, (ring, reflectors) in masks.items():
             off = max(np.abs(peers[0] - ring).max(), np.abs((peers[1] - reflectors)[inside]).max())
             pairs = (peers[0], ring), (peers[1][inside], reflectors[inside])
-            same = [iou(a > PAPER.mask_threshold, b > PAPER.mask_threshold) for a, b in pairs]
+            same = [iou(a > OURS.mask_threshold, b > OURS.mask_threshold) for a, b in pairs]
             print(
                 f"{modality:6} {' and '.join(FILTERS)}: plain {ms['plain']:.0f} ms, {precision} "
                 f"{ms[precision]:.0f} ms, {ms['plain'] / ms[precision]:.2f}x; masks differ by {off:.1e} "

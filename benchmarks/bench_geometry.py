@@ -22,7 +22,8 @@ from lmmap.geometry import projection
 from lmmap.geometry.projection import project, rotation_between_rad, rotation_z
 from lmmap.pipeline import circle, ellipse, yaw
 from lmmap.refinement import contour
-from lmmap.types import PAPER, Camera, Ellipse, Port, Pose
+from lmmap.settings import OURS
+from lmmap.types import Camera, Ellipse, Port, Pose
 
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
 NU = PORT.ring_radius_m
@@ -76,7 +77,7 @@ def naive_yaw(mask, pair: Pose) -> Pose:
 
 def success(share: float, outliers: float, trials: int = 200) -> float:
     """Share of random arcs with clutter whose ellipse is found: centre within 2 px, axes within 3 %."""
-    rng, hits, lenient = np.random.default_rng(1), 0, replace(PAPER, min_arc_coverage=0.25)
+    rng, hits, lenient = np.random.default_rng(1), 0, replace(OURS, min_arc_coverage=0.25)
     for _ in range(trials):
         a = rng.uniform(30, 90)
         e = Ellipse(rng.uniform([100, 90], [246, 170]), [a, a * rng.uniform(0.35, 1)], rng.uniform(0, np.pi))
@@ -120,7 +121,7 @@ def main() -> None:
 
     rows = [
         (
-            f"ellipse: batched / the paper's RANSAC, {len(points)} points, {PAPER.ransac_hypotheses} trials",
+            f"ellipse: batched / the paper's RANSAC, {len(points)} points, {OURS.ransac_hypotheses} trials",
             lambda: ellipse.fit_ransac(points, np.random.default_rng(0)),
             lambda: ellipse.paper_ransac(points, np.random.default_rng(0)),
         ),

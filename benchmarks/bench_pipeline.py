@@ -28,7 +28,7 @@ from lmmap.pipeline.run import Shot, answered, images
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
-from lmmap.types import PAPER
+from lmmap.settings import PAPER
 
 IMAGES, LAPS = 24, 4
 GOAL_HZ = {True: 25.0, False: 15.0}  # with bfloat16 in the processor, and without

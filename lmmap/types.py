@@ -9,7 +9,7 @@ integer pixel coordinates are pixel centres.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Protocol
 
@@ -298,26 +298,3 @@ class Estimate:
     )
     ring: Pose | None = None  # without markers: the circle's pose, its yaw unknown
     twin: Pose | None = None  # and its other pose
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Every number that the pipeline is free to choose."""
-
-    events_per_window: int = 35_000
-    mask_threshold: float = 0.5
-    min_ring_pixels: int = 60
-    ransac_hypotheses: int = 500
-    ransac_tolerance_px: float = 1.5
-    min_axis_ratio: float = 0.25  # 75 deg of tilt: beyond, plate and petals hide the far half of the ring
-    min_semi_major_px: float = 12.0  # at most 2.2 m: beyond, the ring's stroke is a pixel or two wide
-    min_arc_coverage: float = 0.5  # with less, the ellipse's size and tilt are guesses (book: ellipses)
-    min_marker_score: float = 0.15
-    refine_jointly: bool = True  # ring and markers together, after the two circles' poses
-    yaw_step_rad: float = field(default=float(np.deg2rad(1.0)))
-    outlier_angle_rad: float = field(default=float(np.deg2rad(15.0)))
-    outlier_poses: int = 3
-    rate_hz: float = 10.0
-
-
-PAPER = Settings()

@@ -4,10 +4,10 @@
 
 Errors along a contour are correlated, so independent points would promise too much.  An inflation is the
 factor of a covariance with which 95 % of the true poses lie in the 95 % region.  Its results are the
-constants ``uncertainty.INFLATION`` (of the ring alone), ``yaw.YAW_INFLATION`` (the larger one),
-``joint.MARKER_SIGMA_PX`` and ``joint.INFLATION``.  A marker's standard deviation is the one with the best
+settings ``ring_inflation`` (of the ring alone), ``yaw_inflation`` (the larger one), ``marker_sigma_px`` and
+``joint_inflation``.  A marker's standard deviation is the one with the best
 logarithmic score of the true poses under the inflated covariances, which rewards small errors and honest
-covariances alike.  ``yaw.YAW_MARGIN`` is the lowest margin above which at most `OTHER_PERCENT` of the poses
+covariances alike.  ``min_yaw_margin`` is the lowest margin above which at most `OTHER_PERCENT` of the poses
 have another yaw than the true one (the larger of the two).  The sequences are many and short, for errors of
 one view are alike.  The table is kept in data/results/uncertainty.csv, what the constants make of it in each
 light in calibration.csv beside it (so run it again once they are set), the simulated recordings in
@@ -30,6 +30,7 @@ from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
+from lmmap.settings import OURS
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.types import Camera, Port, Pose
 
@@ -107,7 +108,7 @@ def row(modality, marker_sigma_px, values, differences, covariances, marker_scor
 def other_yaws(margins, turned_rad, port: Port) -> tuple[float, float]:
     """The lowest of `YAW_MARGINS` above which at most `OTHER_PERCENT` of the yaws (N,) are another one than
     the true yaw, and the percentage then."""
-    other = np.abs(turned_rad) > yaw.ELSEWHERE * port.yaw_period_rad
+    other = np.abs(turned_rad) > OURS.other_yaw_share * port.yaw_period_rad
     shares = [100 * np.mean(other[np.asarray(margins) >= least]) for least in YAW_MARGINS]
     at = int(np.argmax(np.array(shares) <= OTHER_PERCENT))
     return float(YAW_MARGINS[at]), float(shares[at])
@@ -137,10 +138,10 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
         if right[-1]:
             margins.append(fit.yaw_margin)
             turned.append(difference(T, truth, port)[3:] @ T.normal)
-            if fit.yaw_known:
-                yaw_ratio.append(abs(turned[-1]) * yaw.YAW_INFLATION / fit.sigma_rad)
+            if fit.yaw_margin >= OURS.min_yaw_margin:
+                yaw_ratio.append(abs(turned[-1]) * OURS.yaw_inflation / fit.sigma_rad)
     inflated_px = np.array([estimator.sigma_px(ring) for ring, *_ in cases])
-    sigma_px = inflated_px / np.sqrt(uncertainty.INFLATION[modality])
+    sigma_px = inflated_px / np.sqrt(OURS.ring_inflation[modality])
     rings = of_rings(cases, nearer, sigma_px, port, camera)
     constant = of_rings(cases, nearer, [ring.sigma_px for ring, *_ in cases], port, camera)
     rows = [row(modality, np.nan, [errors(fit.T_cam_port, truth) for _, _, fit, truth in cases], [], [], [])]
@@ -148,7 +149,7 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
         differences, covariances, faintness, after = [], [], [], []
         for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
             ring_px = known_px * np.sqrt(rings["inflation"])
-            found = fit.yaw_known and joint.refine(
+            found = fit.yaw_margin >= OURS.min_yaw_margin and joint.refine(
                 fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_px, marker_px
             )
             T = found.T_cam_port if found else fit.T_cam_port

@@ -5,8 +5,8 @@ test anything.
 
 Glitter and lit edges can use up N events before the port has moved.  Of the images with the ring in view and
 no pose from N events, it counts by light how many have one from more events that end with the same one, how
-many of these are right and how many hold the true pose in their 95 % region.  ``events.WIDER`` is the factor
-with the most right poses.  The table is kept in data/results/looks.csv.
+many of these are right and how many hold the true pose in their 95 % region.  The setting
+``second_look_factor`` is the factor with the most right poses.  The table is kept in data/results/looks.csv.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python tuning/choose_thresholds.py
 
-``core.Settings.mask_threshold``, ``ellipse.SURE`` and ``core.Settings.min_marker_score``: for each of their
+``mask_threshold``, ``peak_share`` and ``min_marker_score`` of the settings: for each of their
 values (the first two one at a time), how many images with the ring in view get a pose, how many of these
 poses are wrong, and how many images without a port get one.  The thresholds stay as they are while they give
 no pose without a port, and no others give more right less wrong poses, of both modalities together, than
@@ -19,22 +19,22 @@ from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
 from lmmap.geometry.projection import in_view
-from lmmap.pipeline import ellipse, yaw
+from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
 from lmmap.provenance import DATA, save_table
 from lmmap.refinement.contour import Contour
+from lmmap.settings import OURS
 from lmmap.studies.metrics import normal_error_rad, position_error_m, rotation_error_rad
-from lmmap.tracking.outliers import RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD
-from lmmap.types import PAPER, Port, Pose
+from lmmap.types import Port, Pose
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]
 MIN_MARKER_SCORES = (0.05, 0.075, 0.1, 0.15, 0.2)
-CUTS = [(threshold, ellipse.SURE) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + [
-    (PAPER.mask_threshold, sure) for sure in (0.0, 0.7, 0.8, 0.95)
+CUTS = [(threshold, OURS.peak_share) for threshold in (0.2, 0.3, 0.4, 0.5, 0.6)] + [
+    (OURS.mask_threshold, share) for share in (0.0, 0.7, 0.8, 0.95)
 ]  # of the mask: threshold, and what a blob must reach
-PRESENT = (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score)
+PRESENT = (OURS.mask_threshold, OURS.peak_share, OURS.min_marker_score)
 CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
 NAMES = ("mask_threshold", "sure", "min_marker_score")
 
@@ -51,19 +51,19 @@ def shots(estimator: Estimator):
 
 def right(T: Pose, truth: Pose, port: Port) -> bool:
     return bool(
-        position_error_m(T, truth) < RIGHT_M
-        and normal_error_rad(T, truth) < RIGHT_RAD
-        and rotation_error_rad(T, truth, port.yaw_period_rad) < RIGHT_ROTATION_RAD
+        position_error_m(T, truth) < OURS.right_position_m
+        and normal_error_rad(T, truth) < OURS.right_normal_rad
+        and rotation_error_rad(T, truth, port.yaw_period_rad) < OURS.right_rotation_rad
     )
 
 
 def answers(estimator: Estimator, image, truth) -> list[dict]:
     """The outcome with each threshold of the masks, and the markers' score that decides."""
     rows, ring_mask = [], estimator.ring_filter(image)
-    for threshold, sure in CUTS:
-        estimator.settings, ellipse.SURE = replace(PAPER, mask_threshold=threshold), sure
+    for threshold, share in CUTS:
+        estimator.settings = replace(estimator.settings, mask_threshold=threshold, peak_share=share)
         ring, _ = estimator.find_ring(ring_mask)
-        row = {"mask_threshold": threshold, "sure": sure, "score": -1.0, "right": False}
+        row = {"mask_threshold": threshold, "sure": share, "score": -1.0, "right": False}
         if isinstance(ring, Contour):
             candidates = estimator.candidates(ring.ellipse)
             reflectors = estimator.find_reflectors(image, candidates)

@@ -1,4 +1,4 @@
-"""Chooses what `motion.Motion` assumes, on sequences that neither train nor test anything.
+"""Chooses `MotionSettings`, on sequences that neither train nor test anything.
 
     python tuning/tune_fusion.py
 
@@ -29,11 +29,11 @@ from lmmap.pipeline.run import estimate, in_time, true_poses
 from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stacked
+from lmmap.settings import OURS, MotionSettings
 from lmmap.studies.accuracy_run import estimates_fingerprint
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.tracking.fusion import fuse
-from lmmap.tracking.motion_model import Motion
-from lmmap.tracking.outliers import RIGHT_M, RIGHT_RAD, certain
+from lmmap.tracking.outliers import certain
 from lmmap.types import Port, Status
 
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
@@ -86,10 +86,10 @@ def errors(recording, estimates, port: Port) -> pd.DataFrame:
 
 
 def right(table: pd.DataFrame) -> pd.Series:
-    return (table.position_error_m < RIGHT_M) & (table.normal_error_rad < RIGHT_RAD)
+    return (table.position_error_m < OURS.right_position_m) & (table.normal_error_rad < OURS.right_normal_rad)
 
 
-def scored(cases, motion: Motion, port: Port) -> pd.DataFrame:
+def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
     tables = [errors(recording, fuse(in_time(found), port.yaw_period_rad, RATE_HZ, motion), port)
               .assign(sequence=recording.name) for recording, found in cases]  # fmt: skip
     return pd.concat(tables).query("in_view")
@@ -107,7 +107,7 @@ def main() -> None:
     cases = plain + [(recording, silenced(found)) for recording, found in plain]
     steps = [np.diff(recording.truth.T_cam_port.position_m, axis=0) for recording, _ in plain]
     turns = [pose_difference(r.truth.T_cam_port[:-1], r.truth.T_cam_port[1:], np.pi)[:, 3:] for r, _ in plain]
-    start = Motion(
+    start = MotionSettings(
         speed_m_s=round(float(np.sqrt(np.mean(np.concatenate(steps) ** 2))) * sequences.TRUTH_HZ, 2),
         rate_rad_s=round(float(np.sqrt(np.mean(np.concatenate(turns) ** 2))) * sequences.TRUTH_HZ, 2),
         lost_s=LOST_S[0],

@@ -20,8 +20,9 @@ from lmmap.geometry.projection import in_view
 from lmmap.pipeline.estimator import fitting
 from lmmap.pipeline.run import images
 from lmmap.provenance import DERIVED_DATA
+from lmmap.settings import PAPER
 from lmmap.training import dataset
-from lmmap.types import EVENT, PAPER, Camera, Port, Pose, Recording, Trajectory
+from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 
 SEQUENCES = [f"realistic-{i}" for i in range(1201, 1210)]
 PICTURES = [f"realistic-{i}" for i in range(1210, 1217)]

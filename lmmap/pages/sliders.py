@@ -15,7 +15,8 @@ from ..geometry.conics import five_point_conics, matrix, normalise, sampson_dist
 from ..geometry.projection import circle_conic, circle_ellipse, circle_points_m, ellipse_from_conic, project
 from ..pipeline import circle, ellipse
 from ..pipeline.histograms import histogram
-from ..types import PAPER, Camera, Ellipse, Pose, Settings
+from ..settings import OURS, PAPER, Settings
+from ..types import Camera, Ellipse, Pose
 from .drawings import COLOUR
 
 FAINT = "rgba(124, 124, 124, 0.25)"  # the ink, for lines on light and dark
@@ -131,7 +132,7 @@ def event_windows(events, counts, camera: Camera, outline_px) -> list[Step]:
 
 
 def ransac_steps(
-    mask, points_px, draws: int, rng: np.random.Generator, settings: Settings = PAPER
+    mask, points_px, draws: int, rng: np.random.Generator, settings: Settings = OURS
 ) -> list[Step]:
     """RANSAC draw by draw: five points, the conic through them, what lies on it; at last the answer of
     `ellipse.fit_ransac`, whose draws are others."""

@@ -20,26 +20,29 @@ from ..geometry.conics import (
     to_pixels,
 )
 from ..geometry.projection import ellipse_from_conic
-from ..types import PAPER, Ellipse, Settings
+from ..settings import OURS, Settings
+from ..types import Ellipse
 
-SURE = 0.9  # of the mask's highest value: by `python tuning/choose_thresholds.py`
 
-
-def binarised(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
-    """Pixels above the threshold, of those blobs that somewhere exceed ``sure`` (default: `SURE`) times the
-    mask's highest value: hysteresis, which drops weak blobs and keeps the weak ends of strong ones."""
+def binarised(
+    mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share
+) -> np.ndarray:
+    """Pixels above the threshold, of those blobs that somewhere exceed ``peak_share`` times the mask's
+    maximum.  Such hysteresis drops weak blobs and keeps the weak ends of strong ones."""
     mask = np.asarray(mask, np.float32)
-    high = (SURE if sure is None else sure) * mask.max(initial=0)
+    high = peak_share * mask.max(initial=0)
     return apply_hysteresis_threshold(mask, threshold, high) if high > threshold else mask > threshold
 
 
-def skeleton_points(mask, threshold: float = PAPER.mask_threshold, sure: float | None = None) -> np.ndarray:
+def skeleton_points(
+    mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share
+) -> np.ndarray:
     """Pixels (u, v) of the `binarised` mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
 
     Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
     `contour.trace` doesn't have that bias.
     """
-    active = binarised(mask, threshold, sure)
+    active = binarised(mask, threshold, peak_share)
     rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
     if not rows.size:
         return np.empty((0, 2))
@@ -72,7 +75,7 @@ def fit(points_px) -> Ellipse:
 
 
 def fit_ransac(
-    points_px, rng: np.random.Generator, settings: Settings = PAPER
+    points_px, rng: np.random.Generator, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
     """Ellipse through most of the points (M, 2), and which points lie on it (M,) bool.
 
@@ -89,7 +92,7 @@ def fit_ransac(
     tolerance = settings.ransac_tolerance_px / scale
     theta = five_point_conics(x, rng.integers(0, len(x), (settings.ransac_hypotheses, 5)))
     theta = theta[_plausible(theta, settings)]
-    theta = theta[np.argsort(_msac(theta, x, tolerance))[:REFITTED]]
+    theta = theta[np.argsort(_msac(theta, x, tolerance))[: settings.ransac_refits]]
     for widening in (2.0, 1.5, 1.0):
         inlier = np.abs(sampson_distance(theta, x)) < widening * tolerance
         theta = sampson_fit(theta, x, inlier, steps=1)
@@ -106,11 +109,8 @@ def fit_ransac(
     return nothing
 
 
-REFITTED = 10  # hypotheses that get local refits: of 500, about as many have five inliers at 55 % outliers
-
-
 def paper_ransac(
-    points_px, rng: np.random.Generator, settings: Settings = PAPER
+    points_px, rng: np.random.Generator, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
     """The paper's loop as printed: five points, A..E of equation 1 with F = 1 in raw pixels, check of
     the axis ratio, count of inliers, refit of the best hypothesis on its inliers.

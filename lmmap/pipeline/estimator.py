@@ -10,19 +10,16 @@ import numpy as np
 from ..geometry.projection import circle_points_m, project, undistort_points
 from ..refinement import contour, joint, uncertainty
 from ..refinement.contour import Contour
-from ..types import PAPER, Camera, Ellipse, Estimate, Port, Pose, Settings, Status
+from ..settings import OURS, Settings
+from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
 from .histograms import scaled_count
 from .network import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
 
-MIN_SIGMA_PX = 0.02  # no contour is known better, whatever its scatter
-MIN_RING_SCORE = 0.1  # none is known worse by its mask
-EDGE_PX = 4  # beside the markers, for what measures their edges
-
 
 def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
-    """The paper's settings with N scaled to the camera's pixels, or given."""
-    return replace(PAPER, events_per_window=events_per_window or scaled_count(camera.size_px))
+    """`OURS` with N scaled to the camera's pixels, or given."""
+    return replace(OURS, events_per_window=events_per_window or scaled_count(camera.size_px))
 
 
 class Estimator:
@@ -35,15 +32,16 @@ class Estimator:
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        One of `DOMAIN_GAPS` as shipped, or a folder with files named as the low-domain-gap ones.
+        One of the shipped sets, `DOMAIN_GAPS`, or a folder with files named as the low-domain-gap ones.
+        Default: ``OURS.weights``, the set that the command line takes as well.
     settings
-        Default: the paper's, its number of events kept per pixel of this camera.
+        Default: `OURS`, its number of events kept per pixel of this camera.
     precision
         Of the filters; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
     """
 
     def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
-                 weights: str | Path = "low", settings: Settings | None = None,
+                 weights: str | Path = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
@@ -89,25 +87,28 @@ class Estimator:
         and enough of the markers' edges are known; and the ring's distance from head-on, in standard
         deviations."""
         known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
-        if self.settings.refine_jointly and best.yaw_known:
-            marker_sigma_px = joint.MARKER_SIGMA_PX[self.modality]
+        if self.settings.refine_jointly and best.yaw_margin >= self.settings.min_yaw_margin:
+            marker_sigma_px = self.settings.marker_sigma_px[self.modality]
             both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
-                                marker_sigma_px)  # fmt: skip
+                                marker_sigma_px, self.settings)  # fmt: skip
             if both is not None:
-                covariance = joint.honest(both.covariance, best.score, joint.INFLATION[self.modality])
+                covariance = joint.honest(
+                    both.covariance, best.score, self.settings.joint_inflation[self.modality]
+                )
                 return both.T_cam_port, covariance, known.tilt_sigmas
         return best.T_cam_port, known.covariance, known.tilt_sigmas
 
     def sigma_px(self, ring: Contour) -> float:
         """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""
-        scatter_px = max(ring.sigma_px, MIN_SIGMA_PX) * np.sqrt(uncertainty.INFLATION[self.modality])
-        return scatter_px / max(ring.score, MIN_RING_SCORE)
+        inflation = self.settings.ring_inflation[self.modality]
+        scatter_px = max(ring.sigma_px, self.settings.min_sigma_px) * np.sqrt(inflation)
+        return scatter_px / max(ring.score, self.settings.min_ring_score)
 
     def ring_uncertainty(self, T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float):
         """`uncertainty.Uncertainty` of a circle's pose by its contour."""
         return uncertainty.pose_uncertainty(
             T_cam_port, ring.points_px, self.sigma_px(ring), self.port.ring_radius_m, self.camera,
-            yaw_sigma_rad,
+            yaw_sigma_rad, self.settings.merged_sigmas,
         )  # fmt: skip
 
     def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
@@ -115,8 +116,8 @@ class Estimator:
 
         It is looked for among the mask's sure blobs, and if they hold none, in all of it.
         """
-        for sure in (ellipse.SURE, 0.0):
-            points = ellipse.skeleton_points(mask, self.settings.mask_threshold, sure)
+        for peak_share in (self.settings.peak_share, 0.0):
+            points = ellipse.skeleton_points(mask, self.settings.mask_threshold, peak_share)
             if len(points) < self.settings.min_ring_pixels:
                 status = Status.NO_RING
                 continue
@@ -129,7 +130,9 @@ class Estimator:
             return status, 0.0
         p = self.port
         stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
-        found = contour.trace(fitted, mask, 1.5 * stroke_px, self.camera)
+        found = contour.trace(
+            fitted, mask, self.settings.contour_half_width * stroke_px, self.camera, self.settings
+        )
         found = found or contour.on_points(fitted, points[inliers])
         found = replace(found, score=contour.score(found.ellipse, mask, self.camera))
         return found, ellipse.arc_coverage(found.ellipse, points)
@@ -141,19 +144,21 @@ class Estimator:
 
     def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
         """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
-        low, high = markers_box_px(candidates, self.port, self.camera)
+        low, high = markers_box_px(candidates, self.port, self.camera, self.settings.marker_border_px)
         rows, columns = crop_bounds(low, high, self.camera.size_px)
         mask = np.zeros(image.shape[:2], np.float32)
         mask[rows, columns] = self.reflector_filter(image[rows, columns])
         return mask
 
 
-def markers_box_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def markers_box_px(
+    T_cam_port: Pose, port: Port, camera: Camera, border_px: float = OURS.marker_border_px
+) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest (u, v) that the markers and the search for them reach at poses (N,), whatever
-    the yaw."""
+    the yaw, and a border around that."""
     disc = circle_points_m(yaw.reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
     seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
     seen = seen[np.isfinite(seen).all(-1)]
     if not len(seen):
         return np.zeros(2), np.array(camera.size_px) - 1
-    return seen.min(0) - EDGE_PX, seen.max(0) + EDGE_PX
+    return seen.min(0) - border_px, seen.max(0) + border_px

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ..types import EVENT, PAPER
-
-WIDER = 2.0  # times N: what is looked at where N show no port, by `python tuning/choose_look.py`
+from ..settings import OURS, PAPER
+from ..types import EVENT
 
 
 def windows(events, count: int = PAPER.events_per_window) -> list[slice]:
@@ -115,11 +114,18 @@ def middle_us(events) -> int:
     return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2
 
 
-def looks(events, count: int, size_px: tuple[int, int], after_us: int | None = None) -> list[tuple]:
-    """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last `WIDER` times as many,
-    if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events' span."""
+def looks(
+    events,
+    count: int,
+    size_px: tuple[int, int],
+    after_us: int | None = None,
+    factor: float = OURS.second_look_factor,
+) -> list[tuple]:
+    """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last ``factor`` times as
+    many, if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events'
+    span."""
     found = []
-    for some in (events[-number:] for number in (count, int(WIDER * count)) if number <= len(events)):
+    for some in (events[-number:] for number in (count, int(factor * count)) if number <= len(events)):
         t_us = middle_us(some)
         if not found or after_us is None or t_us > after_us:
             found.append((t_us, histogram(some["x"], some["y"], size_px)))

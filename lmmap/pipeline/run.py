@@ -13,15 +13,16 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ..types import AnyRecording, Estimate, InputError, Pose, Settings
+from ..settings import Settings
+from ..types import AnyRecording, Estimate, InputError, Pose
 from .estimator import Estimator, fitting
-from .histograms import WIDER, looks, windows_at, windows_of
+from .histograms import looks, windows_at, windows_of
 
 AT_ONCE = 2  # images
 
 
 class Shot(NamedTuple):
-    """An image and its time; of events also the time and image of `WIDER` times as many, or None."""
+    """An image and its time; of events also the time and image of a wider window, or None."""
 
     t_us: int
     image: np.ndarray
@@ -49,12 +50,13 @@ def shots(recording: AnyRecording, modality: str, settings: Settings | None = No
                 due = max(due + period_us, t_us) if np.isfinite(due) else t_us + period_us
                 yield Shot(int(t_us), frame)
         return
-    count = (settings or fitting(recording.camera)).events_per_window
+    settings = settings or fitting(recording.camera)
+    count = settings.events_per_window
     chunks, before_us = recording.chunks(), None
-    most = math.ceil(WIDER)
+    most = math.ceil(settings.second_look_factor)
     windows = windows_at(chunks, rate_hz, count, most) if rate_hz else windows_of(chunks, count, most)
     for window in windows:
-        first, *wider = looks(window, count, recording.camera.size_px, before_us)
+        first, *wider = looks(window, count, recording.camera.size_px, before_us, settings.second_look_factor)
         yield Shot(*first, *wider)
         before_us = first[0]
 

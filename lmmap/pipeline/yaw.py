@@ -13,12 +13,8 @@ import cv2
 import numpy as np
 
 from ..geometry.projection import project, rotation_z
-from ..types import PAPER, Camera, Port, Pose, Settings, frozen_array
-
-# by `python tuning/calibrate_uncertainty.py`: neighbouring samples of a mask err alike
-YAW_INFLATION = 0.84
-YAW_MARGIN = 0.15  # below, another yaw is as good: by the same script
-ELSEWHERE = 0.25  # of a period: a yaw that far from the best is another one
+from ..settings import OURS, PAPER, PaperSettings, Settings
+from ..types import Camera, Port, Pose, frozen_array
 
 
 @dataclass(frozen=True)
@@ -28,8 +24,8 @@ class YawFit:
     Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` says how sure
     the choice of the normal is: by how much of its own size the criterion falls from the better normal
     to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal, and ``yaw_margin`` by
-    how much of its own size the correlation falls to the best of the other yaws; below `YAW_MARGIN` the yaw
-    is not known.
+    how much of its own size the correlation falls to the best of the other yaws; below
+    `Settings.min_yaw_margin` the yaw is not known.
     """
 
     T_cam_port: Pose
@@ -40,13 +36,9 @@ class YawFit:
     sigma_rad: float = np.inf
     yaw_margin: float = 0.0
 
-    @property
-    def yaw_known(self) -> bool:
-        return self.yaw_margin >= YAW_MARGIN
-
 
 def paper_yaw(
-    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: PaperSettings = PAPER
 ) -> YawFit:
     """The paper's grid: both normals, every degree of yaw, largest sum of mask times projected
     markers (its equation 3 prints argmin where it maximises).
@@ -77,7 +69,7 @@ def paper_yaw(
 
 
 def fast_yaw(
-    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = PAPER
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS
 ) -> YawFit:
     """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
 
@@ -89,21 +81,23 @@ def fast_yaw(
     unlit.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
-    points_m, template, step_rad = _polar_template(port, settings)
+    points_m, template, step_rad = _polar_template(port, settings.yaw_step_rad)
     folded = _sample(mask, _project_markers(T_cam_port, points_m, camera))
     folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
     spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
     correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
     yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
-    yaw_margin = _margin(correlation)
+    yaw_margin = _margin(correlation, settings.other_yaw_share)
     poses = _turned(T_cam_port, yaw_rad)
 
     outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
     mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
-    sigma_rad = YAW_INFLATION * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
+    sigma_rad = settings.yaw_inflation * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
     unknown_rad = port.yaw_period_rad / np.sqrt(12)
-    sigma_rad = np.where(yaw_margin >= YAW_MARGIN, np.minimum(sigma_rad, unknown_rad), unknown_rad)
+    sigma_rad = np.where(
+        yaw_margin >= settings.min_yaw_margin, np.minimum(sigma_rad, unknown_rad), unknown_rad
+    )
     return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
 
 
@@ -140,10 +134,10 @@ def reach_m(port: Port) -> float:
 
 
 @lru_cache
-def _polar_template(port: Port, settings: Settings, radial: int = 16):
+def _polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
     """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
     folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
-    per_period = round(port.yaw_period_rad / settings.yaw_step_rad)
+    per_period = round(port.yaw_period_rad / yaw_step_rad)
     step_rad = port.yaw_period_rad / per_period
     angles = np.arange(per_period * port.symmetry) * step_rad
     tangential, depth = np.array(port.marker_size_m) / 2
@@ -187,12 +181,12 @@ def _fit(poses: Pose, criterion, score, sigma_rad=(np.inf, np.inf), yaw_margin=(
                   float(sigma_rad[best]), float(yaw_margin[best]))  # fmt: skip
 
 
-def _margin(correlation) -> np.ndarray:
+def _margin(correlation, other_yaw_share: float) -> np.ndarray:
     """By how much of its own size a correlation (N, yaws) falls from its peak to its highest value at least
-    `ELSEWHERE` of the period away, (N,) in [0, 1]; 0 where nothing correlates."""
+    that share of the period away, (N,) in [0, 1]; 0 where nothing correlates."""
     count = correlation.shape[-1]
     apart = np.abs(np.arange(count) - correlation.argmax(1)[:, None])
-    far = np.minimum(apart, count - apart) >= ELSEWHERE * count
+    far = np.minimum(apart, count - apart) >= other_yaw_share * count
     top, other = correlation.max(1), np.where(far, correlation, -np.inf).max(1)
     return np.where(top > 0, 1 - np.maximum(other, 0) / np.where(top > 0, top, 1), 0)
 

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import dv_processing as dv
 import numpy as np
 
-from ..pipeline.histograms import WIDER, joined, looks
+from ..pipeline.histograms import joined, looks
+from ..settings import OURS
 from ..types import EVENT, InputError
 from .aedat4 import rgb
 from .stream import Stream
@@ -23,7 +24,7 @@ from .stream import Stream
 
 class LiveImage(NamedTuple):
     """An image, the times of it and of its newest event (us), and how many were skipped before it; of
-    events also the time and image of `WIDER` times as many, or None."""
+    events also the time and image of a wider window, or None."""
 
     t_us: int
     image: np.ndarray
@@ -121,7 +122,7 @@ def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator
             yield LiveImage(t_us, frame, t_us, len(pending) - 1)
             continue
         fresh += sum(len(chunk) for chunk in pending)
-        recent = joined([recent, *pending])[-math.ceil(WIDER) * count :]
+        recent = joined([recent, *pending])[-math.ceil(OURS.second_look_factor) * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..geometry.conics import coefficients, matrix, normalise, sampson_distance, sampson_fit, to_pixels
 from ..geometry.projection import conic_from_ellipse, distort_points, ellipse_from_conic
+from ..settings import OURS, Settings
 from ..types import Camera, Ellipse
 
 
@@ -28,13 +29,13 @@ class Contour:
 
 
 def trace(
-    ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, floor: float = 0.1
+    ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS
 ) -> Contour | None:
     """Middle of a soft mask's stroke, started from a nearby ellipse; None where there is no stroke.
 
     Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits,
     twice.  Rays without a stroke, cut by the strip's edge, or with a width unlike the others' (a
-    second blob, an occluder) don't count; fewer than 40 % good rays are no stroke.
+    second blob, an occluder) don't count; with too few good rays there is no stroke.
 
     The middle of an annulus' image is not exactly the image of its centre line.  Along rays, an affine
     camera would make it so; perspective leaves at most 0.05 deg and 0.12 mm from 0.3 m on (along the
@@ -46,7 +47,6 @@ def trace(
     mask : (H, W), values in [0, 1], as the camera saw it
     half_width_px : of the strip along the major axis, about the stroke's full width
     camera : whose distortion the mask has; default none
-    floor : mask values below are background
     """
     mask = np.asarray(mask, np.float32)
     offsets = np.arange(-half_width_px, half_width_px + 0.25, 0.5)
@@ -57,15 +57,16 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        weight = np.maximum(profile - floor, 0)
+        weight = np.maximum(profile - settings.contour_floor, 0)
         mass = weight.sum(1)
         width = mass / radius[:, 0]  # an annulus is as wide along every ray, in units of the radius
         good = (mass > 0) & (weight[:, 0] == 0) & (weight[:, -1] == 0)
         if not good.any():
             return None
         typical = np.median(width[good])
-        good &= (width > 0.6 * typical) & (width < 1.6 * typical)
-        if good.mean() < 0.4:
+        narrow, wide = settings.contour_widths
+        good &= (width > narrow * typical) & (width < wide * typical)
+        if good.mean() < settings.contour_min_rays:
             return None
         centroid = (weight[good] @ offsets / mass[good])[:, None]
         ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, rounds)

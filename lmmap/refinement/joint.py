@@ -15,15 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from ..geometry.conics import coefficients, sampson_distance
 from ..geometry.projection import circle_conic, project
+from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
-# Standard deviation of an edge point as if points were independent: neighbours err alike, so it is larger
-# than their scatter; and the factor that makes the covariance honest where the markers' score is 1, for masks
-# err in more than that.  By `python tuning/calibrate_uncertainty.py`, outside training and test.
-MARKER_SIGMA_PX = {"rgb": 1.4, "event": 1.7}
-INFLATION = {"rgb": 0.72, "event": 0.63}
-
-SETTLED = 0.1  # standard deviations: a step that is smaller is the last
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
 
 
@@ -45,7 +39,7 @@ def refine(
     camera: Camera,
     ring_sigma_px: float,
     marker_sigma_px: float,
-    rounds: int = 4,
+    settings: Settings = OURS,
 ) -> JointFit | None:
     """Gauss-Newton on the ring's contour points (M, 2), undistorted, and the markers' edge points, each in
     units of its own standard deviation; None where too few edges are seen to add anything.
@@ -56,14 +50,14 @@ def refine(
     mask = np.ascontiguousarray(reflector_mask, np.float32)
     sides_m = _side_points_m(port)
     T = T_cam_port
-    for _ in range(rounds):
+    for _ in range(settings.joint_rounds):
         moved = _moved(T, np.vstack([np.zeros(6), STEPS]))
         theta = coefficients(circle_conic(moved, port.ring_radius_m, camera))
         distance = sampson_distance(theta, ring_points_px)  # (7, M)
         J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
         r_ring = distance[0] / ring_sigma_px
 
-        edges = _measure_edges(mask, T, sides_m, camera)
+        edges = _measure_edges(mask, T, sides_m, camera, settings)
         if edges is None:
             return None
         points_m, normal, gap_px = edges
@@ -84,7 +78,7 @@ def refine(
         )
         step = step / scale
         T = _moved(T, -step[None, :6])[0]
-        if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < SETTLED**2:
+        if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
     inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
         scale, scale
@@ -117,7 +111,7 @@ def _side_points_m(port: Port, count: int = 10):
     return frozen_array(points.reshape(-1, 3)), frozen_array(beside.reshape(-1, 3))
 
 
-def _measure_edges(mask, T: Pose, sides_m, camera: Camera, half_px: float = 3.0, least: int = 20):
+def _measure_edges(mask, T: Pose, sides_m, camera: Camera, settings: Settings):
     """Where the mask's edges are seen: points (K, 3) m, outward image normals (K, 2), gaps (K,) px from
     the projected sides outward to the mask's edges; None if there are too few.
 
@@ -130,13 +124,14 @@ def _measure_edges(mask, T: Pose, sides_m, camera: Camera, half_px: float = 3.0,
     normal = np.stack([along[:, 1], -along[:, 0]], -1)
     normal *= np.sign(np.sum(normal * (beside - at), -1, keepdims=True))
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    half_px = settings.edge_half_px
     offsets = np.arange(-half_px, half_px + 0.25, 0.5)
     grid = at[:, None] + offsets[:, None] * normal[:, None]
     profile = cv2.remap(mask, np.nan_to_num(grid, nan=-10).astype(np.float32), None, cv2.INTER_LINEAR)
     inner, outer = profile[:, :3].mean(1), profile[:, -3:].mean(1)
     contrast = inner - outer
-    good = (contrast > 0.5) & np.isfinite(grid).all((1, 2))
-    if good.sum() < least:
+    good = (contrast > settings.edge_contrast) & np.isfinite(grid).all((1, 2))
+    if good.sum() < settings.min_edges:
         return None
     level = (profile[good] - outer[good, None]) / contrast[good, None]
     gap_px = (level.sum(1) - 0.5 * (level[:, 0] + level[:, -1])) * 0.5 - half_px

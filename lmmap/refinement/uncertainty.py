@@ -20,16 +20,11 @@ from numpy.polynomial.hermite_e import hermegauss
 
 from ..geometry.conics import cone
 from ..geometry.projection import bearings, circle_conic
+from ..settings import OURS
 from ..types import Camera, Pose
-
-# Variance of a contour point as if points were independent, in units of their scatter about the ellipse where
-# the mask along it is 1: neighbours err alike.  By `python tuning/calibrate_uncertainty.py`, on sequences
-# that are not the test, with filters on the bench that trained them: other ones ask for a new measurement.
-INFLATION = {"rgb": 6.8, "event": 10.2}
 
 NODES, WEIGHTS = hermegauss(9)
 RESOLVED = 6.0  # above so many sigmas of |w| the region of the normal is an ellipse
-MERGED = 3.0  # below, head-on is not excluded (99 %), and the two solutions are one region
 
 
 @dataclass(frozen=True)
@@ -38,8 +33,8 @@ class Uncertainty:
     distance of w from 0, where the circle would be seen head-on, in standard deviations.
 
     The covariance holds the second moments of the pose's region about the estimate.  Below `RESOLVED`
-    that region is not an ellipse but the chi-square disc of w, and below `MERGED` it is the disc on both
-    branches: so near head-on the variances are large, and ``chart`` says more than they do.
+    that region is not an ellipse but the chi-square disc of w, and below `Settings.merged_sigmas` it is the
+    disc on both branches: so near head-on the variances are large, and ``chart`` says more than they do.
     """
 
     covariance: np.ndarray
@@ -80,7 +75,7 @@ def pose_uncertainty(
     radius_m: float,
     camera: Camera,
     yaw_sigma_rad: float = 0.0,
-    merged: float = MERGED,
+    merged: float = OURS.merged_sigmas,
 ) -> Uncertainty:
     """Uncertainty of an exact circle pose whose ellipse was fitted to contour points (M, 2) px.
 

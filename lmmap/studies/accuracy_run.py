@@ -16,10 +16,11 @@ from ..pipeline.run import estimate, in_time
 from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
 from ..recordings.pose_files import write_estimates
+from ..settings import PAPER
 from ..tracking.fusion import fuse
 from ..training.dataset import BENCH
 from ..training.mask_quality import filter_quality
-from ..types import PAPER, Estimate, Port, Recording
+from ..types import Estimate, Port, Recording
 from . import accuracy_tables, pose_errors
 from .accuracy_tables import DRAWS, SEED, label
 from .archive import pack, unpack

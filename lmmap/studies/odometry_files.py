@@ -14,7 +14,8 @@ import numpy as np
 from ..pipeline.histograms import histogram, middle_us, windows_before
 from ..recordings.formats import open_recording, write_recording
 from ..recordings.pose_files import read_trajectory, write_trajectory
-from ..types import PAPER, Camera, InputError, Recording
+from ..settings import PAPER
+from ..types import Camera, InputError, Recording
 from . import odometry
 
 BLUR_PX, FULL_SCALE = 1.0, 4.0  # of event frames: Gaussian blur; blurred count that is white

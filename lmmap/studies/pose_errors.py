@@ -15,8 +15,9 @@ from ..geometry.projection import in_view
 from ..pipeline.run import true_poses
 from ..provenance import DATA
 from ..recordings.pose_files import stacked
+from ..settings import PAPER
 from ..tracking.outliers import certain, outlier_filter, sigmas
-from ..types import PAPER, Estimate, Port, Recording
+from ..types import Estimate, Port, Recording
 from . import bootstrap
 from .metrics import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
 

@@ -20,8 +20,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..geometry.projection import equal_turns, rotation_angle_rad
+from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status
-from .motion_model import POSE, Motion, Track
+from .motion_model import POSE, Track, repetition
 
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
 FARTHEST = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
@@ -36,8 +37,8 @@ class Fusion:
         The port's symmetry; estimates count as the nearest of their equals.
     """
 
-    def __init__(self, yaw_period_rad: float, motion: Motion | None = None):
-        self.motion, self.track = motion or Motion(), None
+    def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
+        self.motion, self.track = motion, None
         self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
         self._statuses: dict[str, Status] = {}
@@ -123,14 +124,14 @@ class Fusion:
         """1 for a camera's first estimate."""
         if camera not in track.seen_us:
             return 1.0
-        return self.motion.repetition(1e-6 * (t_us - track.seen_us[camera]))
+        return repetition(1e-6 * (t_us - track.seen_us[camera]), self.motion.correlation_s)
 
 
 def fuse(
     timed: Iterable[tuple[str, Estimate]],
     yaw_period_rad: float,
     rate_hz: float | None = None,
-    motion: Motion | None = None,
+    motion: MotionSettings = OURS.motion,
 ) -> Iterator[Estimate]:
     """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
     from the first, each of what came until then.

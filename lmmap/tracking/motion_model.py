@@ -16,27 +16,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..settings import MotionSettings
 from ..types import Estimate, Pose
 
 POSE, RATE = slice(0, 6), slice(6, 12)
 
 
-@dataclass(frozen=True)
-class Motion:
-    """What the filter assumes; all but the gate by `python tuning/tune_fusion.py`."""
-
-    acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
-    acceleration_rad: float = 0.2  # rad / s^1.5
-    correlation_s: float = 0.05  # of a camera's errors
-    speed_m_s: float = 0.05  # standard deviation along each axis when nothing is known yet
-    rate_rad_s: float = 0.18
-    gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)
-    lost_s: float = 0.2  # without an accepted estimate: the next one starts anew
-
-    def repetition(self, dt_s: float) -> float:
-        """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:
-        (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s) times itself."""
-        return float(1 / np.tanh(max(dt_s, 1e-6) / (2 * self.correlation_s))) if self.correlation_s else 1.0
+def repetition(dt_s: float, correlation_s: float) -> float:
+    """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:
+    (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s) times itself."""
+    return float(1 / np.tanh(max(dt_s, 1e-6) / (2 * correlation_s))) if correlation_s else 1.0
 
 
 @dataclass(frozen=True)
@@ -51,14 +40,14 @@ class Track:
     seen_us: Mapping[str, int]
 
     @classmethod
-    def begun(cls, e: Estimate, camera: str, motion: Motion) -> Track:
+    def begun(cls, e: Estimate, camera: str, motion: MotionSettings) -> Track:
         """At an estimate, with a velocity of which only the usual size is known."""
         rates = np.repeat([motion.speed_m_s**2, motion.rate_rad_s**2], 3)
         covariance = np.diag(np.concatenate([np.zeros(6), rates]))
         covariance[POSE, POSE] = e.covariance
         return cls(e.t_us, e.T_cam_port, np.zeros(6), covariance, {camera: e.t_us})
 
-    def predicted(self, t_us: int, motion: Motion) -> Track:
+    def predicted(self, t_us: int, motion: MotionSettings) -> Track:
         """The same at a later time."""
         dt = (t_us - self.t_us) * 1e-6
         if dt < 0:

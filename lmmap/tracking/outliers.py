@@ -7,14 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.projection import rotation_between_rad
-from ..types import PAPER, Estimate, Settings
-
-# errors of a pose that one may dock on: of position, normal and rotation
-RIGHT_M, RIGHT_RAD, RIGHT_ROTATION_RAD = 0.020, float(np.deg2rad(5.0)), float(np.deg2rad(10.0))
+from ..settings import OURS, PAPER, PaperSettings, Settings
+from ..types import Estimate
 
 
 def outlier_filter(
-    estimates: Sequence[Estimate], yaw_period_rad: float, settings: Settings = PAPER
+    estimates: Sequence[Estimate], yaw_period_rad: float, settings: PaperSettings = PAPER
 ) -> np.ndarray:
     """Which estimates the paper's filter keeps, shape (N,) bool.
 
@@ -45,7 +43,9 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
     return tuple(float(np.sqrt(max(w, 0))) for w in worst)
 
 
-def certain(estimates: Sequence[Estimate], limits=(RIGHT_M, RIGHT_RAD), sure: float = 1.96) -> np.ndarray:
-    """Which estimates promise to be right, shape (N,) bool: their `sigmas` keep the limits ``sure`` times."""
+def certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
+    """Which estimates promise to be right, shape (N,) bool: ``certain_sigmas`` times their `sigmas` are
+    within the errors ``right_position_m`` and ``right_normal_rad``."""
+    sure, limits = settings.certain_sigmas, (settings.right_position_m, settings.right_normal_rad)
     return np.array([e.T_cam_port is not None and np.all(sure * np.array(sigmas(e)) <= limits)
                      for e in estimates], bool)  # fmt: skip

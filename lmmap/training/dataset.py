@@ -21,7 +21,8 @@ from ..pipeline.histograms import joined
 from ..pipeline.network import FILTERS
 from ..provenance import fingerprint, source_files
 from ..recordings.stream import Stream
-from ..types import EVENT, PAPER, Port, Recording
+from ..settings import PAPER
+from ..types import EVENT, Port, Recording
 
 AUGMENTED, REALISTIC = 240, 120  # sequences of each kind
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5

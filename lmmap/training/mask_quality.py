@@ -14,7 +14,8 @@ from ..geometry.projection import circle_points_m, in_view, project
 from ..pipeline import ellipse, run
 from ..pipeline.estimator import markers_box_px
 from ..pipeline.network import FILTERS, load_filter, weight_path
-from ..types import PAPER, Camera, Port, Pose, Recording, Settings
+from ..settings import OURS, Settings
+from ..types import Camera, Port, Pose, Recording
 
 FITS = ["iou", "skeleton_px", "stray", "missed"]
 COLUMNS = ["t_us", "filter", "modality", "domain_gap", *FITS, "mask_px", "truth_px"]
@@ -59,7 +60,7 @@ def missed_share(mask, truth) -> float:
 
 
 def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb", "event"),
-                   most: int = 30, port: Port | None = None, settings: Settings = PAPER,
+                   most: int = 30, port: Port | None = None, settings: Settings = OURS,
                    precision: str = "auto") -> pd.DataFrame:  # fmt: skip
     """Every filter of some sets on a recording whose truth is known, on images with the ring in view; the
     reflectors' where the pipeline asks it, in the box that the (here: true) pose's markers can be in.

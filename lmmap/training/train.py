@@ -30,7 +30,8 @@ from ..pipeline.network import (
     weight_path,
 )
 from ..provenance import commit
-from ..types import PAPER, InputError
+from ..settings import PAPER
+from ..types import InputError
 from . import augment, dataset
 from .recipe import Recipe
 

@@ -19,7 +19,8 @@ from lmmap.provenance import DATA, ROOT
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.types import PAPER, Camera, Estimate, Status
+from lmmap.settings import OURS
+from lmmap.types import Camera, Estimate, Status
 
 MINI = DATA / "mini" / "test-low.aedat4"
 REAL = ROOT.parent / "shared" / "recordings" / "newtons-cradle-davis346.aedat4"
@@ -214,7 +215,7 @@ def test_window_scales_with_the_sensor_unless_given():
     camera = Camera(640, 480, 500, 500, 320, 240)
     assert fitting(camera).events_per_window == round(35_000 * 640 * 480 / (346 * 260))
     assert fitting(camera, 1234).events_per_window == 1234
-    assert fitting(Camera.davis346()) == PAPER
+    assert fitting(Camera.davis346()) == OURS
 
 
 def test_info_counts_faults_that_are_errors_elsewhere(tmp_path, capsys):

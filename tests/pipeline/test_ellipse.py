@@ -8,9 +8,10 @@ from strategies import CAMERA, PORT, ellipses, pose, seeds
 
 from lmmap.geometry import projection
 from lmmap.pipeline import ellipse
-from lmmap.types import PAPER, Ellipse
+from lmmap.settings import OURS
+from lmmap.types import Ellipse
 
-ANY_ARC = replace(PAPER, min_arc_coverage=0.25)
+ANY_ARC = replace(OURS, min_arc_coverage=0.25)
 
 
 def arc(e: Ellipse, rng, count=300, share=1.0, noise_px=0.0):
@@ -132,7 +133,7 @@ def nowhere(rng):
 @pytest.mark.parametrize("points", list(nowhere(np.random.default_rng(0))))
 @pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
 def test_where_there_is_no_ellipse_the_answer_is_quiet(ransac, points):
-    settings = replace(PAPER, ransac_hypotheses=100)
+    settings = replace(OURS, ransac_hypotheses=100)
     found, inliers = ransac(points, np.random.default_rng(0), settings)
     assert inliers.shape == (len(points),)
     assert inliers.dtype == bool
@@ -171,7 +172,7 @@ def test_weak_blobs_go_and_weak_ends_of_strong_ones_stay():
     row[1] = [0, 0.6, 0.98, 0.6, 0.4, 0.6, 0.8, 0, 0, 0.9, 0.6, 0]
     kept = ellipse.binarised(row)
     assert np.flatnonzero(kept[1]).tolist() == [1, 2, 3, 9, 10]  # 0.9 is near enough to 0.98, 0.8 is not
-    assert np.array_equal(ellipse.binarised(row, sure=0), row > 0.5)
+    assert np.array_equal(ellipse.binarised(row, peak_share=0), row > 0.5)
     assert np.array_equal(ellipse.binarised(0.9 * row, 0.45), kept)  # a filter less sure of all loses nothing
     assert not ellipse.binarised(0.4 * row).any()
     assert np.array_equal(ellipse.binarised(row > 0.5), row > 0.5)
@@ -191,7 +192,7 @@ def degenerate(rng):
 @pytest.mark.parametrize("points", list(degenerate(np.random.default_rng(0))))
 def test_degenerate_points_give_no_nan(points):
     found, inliers = ellipse.fit_ransac(
-        points, np.random.default_rng(0), replace(PAPER, ransac_hypotheses=100)
+        points, np.random.default_rng(0), replace(OURS, ransac_hypotheses=100)
     )
     assert found is None
     assert not inliers.any()

@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from strategies import cut, seeds
 
 from lmmap.pipeline.histograms import (
-    WIDER,
     histogram,
     looks,
     scaled_count,
@@ -14,7 +13,8 @@ from lmmap.pipeline.histograms import (
     windows_before,
     windows_of,
 )
-from lmmap.types import EVENT, PAPER
+from lmmap.settings import OURS, PAPER
+from lmmap.types import EVENT
 
 
 @given(seeds(), st.integers(0, 3000), st.integers(1, 60), st.integers(1, 60))
@@ -106,7 +106,7 @@ def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz,
 
 
 def test_looks_are_the_last_events_and_as_many_more():
-    assert WIDER == 2
+    assert OURS.second_look_factor == 2
     e = np.zeros(8, EVENT)
     e["t_us"], e["x"] = 10 * np.arange(8), np.arange(8)
     (first_us, few), (wider_us, many) = looks(e, 4, (8, 1))

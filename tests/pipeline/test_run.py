@@ -8,15 +8,15 @@ import pytest
 
 from lmmap.geometry.projection import circle_ellipse, ideal_masks, in_view, project, rotation_z
 from lmmap.pipeline import yaw
-from lmmap.pipeline.estimator import EDGE_PX, MIN_RING_SCORE, Estimator, markers_box_px
-from lmmap.pipeline.histograms import WIDER
+from lmmap.pipeline.estimator import Estimator, markers_box_px
 from lmmap.pipeline.network import Filter
 from lmmap.pipeline.run import Shot, answered, estimate, images, looked, shots, true_poses
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
+from lmmap.settings import OURS, PAPER
 from lmmap.studies.metrics import normal_error_rad, position_error_m
-from lmmap.types import PAPER, Camera, Estimate, InputError, Port, Pose, Status
+from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,10 @@ def test_the_markers_box_holds_them_at_any_yaw_and_no_more_than_it_must(recordin
     )
     low, high = markers_box_px(pose[None], port, camera)
     margin = np.concatenate([corners.min((0, 1, 2)) - low, high - corners.max((0, 1, 2))])
-    assert margin.min() >= EDGE_PX and margin.max() < EDGE_PX + 0.2 * (high - low).max()
+    assert (
+        margin.min() >= OURS.marker_border_px
+        and margin.max() < OURS.marker_border_px + 0.2 * (high - low).max()
+    )
 
 
 def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it():
@@ -148,7 +151,7 @@ def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_h
     assert len(wide) > len(some) / 3
     for a, b in wide:
         assert a.t_us < b.wider[0] <= b.t_us
-        assert b.wider[1].sum() == WIDER * b.image.sum() and np.all(b.wider[1] >= b.image)
+        assert b.wider[1].sum() == OURS.second_look_factor * b.image.sum() and np.all(b.wider[1] >= b.image)
         if rate_hz is None:
             assert np.all(b.wider[1] <= a.image + b.image)
     assert all(s.wider is None for s in shots(recording, "rgb"))
@@ -180,14 +183,16 @@ def test_a_faint_ring_is_known_worse_and_an_unknown_yaw_is_not_refined():
     assert isinstance(clear, Contour) and faint.score == pytest.approx(0.6 * clear.score, rel=0.02)
     ratio = estimator.sigma_px(replace(clear, score=0.5)) / estimator.sigma_px(replace(clear, score=1.0))
     assert ratio == pytest.approx(2)
-    least, less = (estimator.sigma_px(replace(clear, score=s)) for s in (MIN_RING_SCORE, 0.0))
+    least, less = (estimator.sigma_px(replace(clear, score=s)) for s in (OURS.min_ring_score, 0.0))
     assert least == less < np.inf
 
     best = yaw.fast_yaw(markers, estimator.candidates(clear.ellipse)[:2], estimator.port, estimator.camera)
     known, covariance, _ = estimator.refine(best, clear, markers)
-    assert best.yaw_known and not np.array_equal(known.position_m, best.T_cam_port.position_m)
+    assert best.yaw_margin >= OURS.min_yaw_margin and not np.array_equal(
+        known.position_m, best.T_cam_port.position_m
+    )
     unsure = replace(
-        best, yaw_margin=yaw.YAW_MARGIN - 0.01, sigma_rad=estimator.port.yaw_period_rad / 12**0.5
+        best, yaw_margin=OURS.min_yaw_margin - 0.01, sigma_rad=estimator.port.yaw_period_rad / 12**0.5
     )
     kept, wide, _ = estimator.refine(unsure, clear, markers)
     np.testing.assert_array_equal(kept.position_m, best.T_cam_port.position_m)

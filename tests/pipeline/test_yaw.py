@@ -7,7 +7,8 @@ from strategies import CAMERA, PORT, WIDE, pose, visible_poses
 
 from lmmap.geometry import projection
 from lmmap.pipeline import circle, yaw
-from lmmap.types import PAPER, Pose
+from lmmap.settings import OURS
+from lmmap.types import Pose
 
 both = pytest.mark.parametrize("find", [yaw.fast_yaw, yaw.paper_yaw], ids=["fast", "paper"])
 
@@ -129,9 +130,9 @@ def test_one_normal_behind_the_camera_does_not_spoil_the_other():
 def test_misuse_is_named(find):
     pair = candidates(pose((170, 120), 0.6, 0.5))
     with pytest.raises(ValueError, match="reflector_mask: expected shape"):
-        find(np.zeros((100, 100), np.float32), pair, PORT, CAMERA, PAPER)
+        find(np.zeros((100, 100), np.float32), pair, PORT, CAMERA, OURS)
     with pytest.raises(ValueError, match="T_cam_port: expected two poses"):
-        find(np.zeros((260, 346), np.float32), pair[0], PORT, CAMERA, PAPER)
+        find(np.zeros((260, 346), np.float32), pair[0], PORT, CAMERA, OURS)
 
 
 def test_the_score_is_the_share_of_the_markers_that_is_lit():

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lmmap.pipeline.histograms import WIDER
 from lmmap.recordings import live
 from lmmap.recordings.stream import Source, Stream
+from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, InputError
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -60,7 +60,7 @@ def test_the_newest_is_taken_and_the_rest_is_counted():
         if seen:
             wider_us, wider = shot.wider
             assert before_us < wider_us < shot.t_us
-            assert wider.sum() == 100 * WIDER and np.all(wider >= shot.image)
+            assert wider.sum() == 100 * OURS.second_look_factor and np.all(wider >= shot.image)
         else:
             assert shot.wider is None  # 150 have come, not yet 200
         seen.append(shot.skipped)

@@ -11,9 +11,10 @@ from scipy.stats import chi2
 from strategies import CAMERA, pose, visible_poses
 
 from lmmap.geometry import projection
-from lmmap.pipeline import circle, ellipse, yaw
+from lmmap.pipeline import circle, ellipse
 from lmmap.provenance import DATA
-from lmmap.refinement import joint, uncertainty
+from lmmap.refinement import uncertainty
+from lmmap.settings import OURS
 from lmmap.studies import sensitivity
 from lmmap.types import Camera, Port, Pose
 
@@ -102,7 +103,7 @@ def test_turning_the_camera_about_its_axis_turns_the_covariance(T, turn):
 
 def test_head_on_the_tilt_is_unknown_and_says_so():
     head_on, tilted = known(pose((172.5, 129.5), 0.6, 0.0)), known(pose((172.5, 129.5), 0.6, np.deg2rad(30)))
-    assert head_on.tilt_sigmas < uncertainty.MERGED < uncertainty.RESOLVED < tilted.tilt_sigmas
+    assert head_on.tilt_sigmas < OURS.merged_sigmas < uncertainty.RESOLVED < tilted.tilt_sigmas
     rms_deg = [np.rad2deg(np.sqrt(np.trace(u.covariance[3:, 3:]))) for u in (head_on, tilted)]
     assert rms_deg[0] > 3 > 0.5 > rms_deg[1]
 
@@ -124,12 +125,12 @@ def test_the_constants_are_those_measured():
     """`tuning/calibrate_uncertainty.py` wrote the table."""
     table = pd.read_csv(DATA / "results" / "uncertainty.csv")
     for modality, rows in table.groupby("modality"):
-        assert uncertainty.INFLATION[modality] == pytest.approx(rows.inflation.iloc[0], abs=0.06)
+        assert OURS.ring_inflation[modality] == pytest.approx(rows.inflation.iloc[0], abs=0.06)
         best = rows.loc[rows.score.idxmax()]
-        assert joint.MARKER_SIGMA_PX[modality] == best.marker_sigma_px
-        assert joint.INFLATION[modality] == pytest.approx(best.joint_inflation, abs=0.06)
-    assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == yaw.YAW_INFLATION
-    assert table.yaw_margin.max() == yaw.YAW_MARGIN
+        assert OURS.marker_sigma_px[modality] == best.marker_sigma_px
+        assert OURS.joint_inflation[modality] == pytest.approx(best.joint_inflation, abs=0.06)
+    assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == OURS.yaw_inflation
+    assert table.yaw_margin.max() == OURS.min_yaw_margin
     assert (table.other_yaw_percent <= calibrate_uncertainty.OTHER_PERCENT).all()
 
 

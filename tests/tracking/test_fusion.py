@@ -11,14 +11,16 @@ from scipy.stats import chi2
 from strategies import PORT, pose, seeds
 
 from lmmap.geometry.projection import rotation_between_rad, rotation_z
+from lmmap.settings import OURS, MotionSettings
 from lmmap.tracking import fusion
 from lmmap.tracking.fusion import Fusion, fuse
-from lmmap.tracking.motion_model import Motion
 from lmmap.types import Estimate, Pose, Status
 
 PERIOD = PORT.yaw_period_rad
-STILL = Motion(acceleration_m=1e-9, acceleration_rad=1e-9, correlation_s=0, speed_m_s=1e-9, rate_rad_s=1e-9)
-PATIENT = Motion(lost_s=1.0)
+STILL = MotionSettings(
+    acceleration_m=1e-9, acceleration_rad=1e-9, correlation_s=0, speed_m_s=1e-9, rate_rad_s=1e-9
+)
+PATIENT = MotionSettings(lost_s=1.0)
 T0 = pose((200, 110), 0.6, 0.4, 0.7, 0.3)
 LOOSE = np.diag([2e-3, 2e-3, 4e-3, 0.02, 0.02, 0.01]) ** 2
 
@@ -167,7 +169,7 @@ def test_a_rivals_covariance_is_turned_with_its_normal():
 
 
 def test_lost_after_silence_and_begun_anew_elsewhere():
-    far, lost_us = moved(T0, np.array([0.2, 0.1, 0.1, 0, 0.5, 0])), round(1e6 * Motion().lost_s)
+    far, lost_us = moved(T0, np.array([0.2, 0.1, 0.1, 0, 0.5, 0])), round(1e6 * OURS.motion.lost_s)
     filter_ = Fusion(PERIOD)
     filter_.add({"rgb": seen(0)})
     assert filter_.at(lost_us).status == Status.OK
@@ -189,7 +191,7 @@ def test_waiting_loosens_what_is_known():
 
 def test_true_poses_lie_where_the_covariance_says():
     """A port that does what the filter assumes, seen by two cameras: the state's error is chi-square."""
-    rng, motion, dt = np.random.default_rng(5), Motion(correlation_s=0), 0.05
+    rng, motion, dt = np.random.default_rng(5), MotionSettings(correlation_s=0), 0.05
     inside = []
     for _ in range(60):
         spread = np.repeat([motion.speed_m_s, motion.rate_rad_s], 3)

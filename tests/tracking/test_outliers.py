@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from strategies import PORT
 
 from lmmap.geometry.projection import rotation_z
-from lmmap.tracking.outliers import RIGHT_M, RIGHT_RAD, certain, outlier_filter
+from lmmap.settings import OURS
+from lmmap.tracking.outliers import certain, outlier_filter
 from lmmap.types import Estimate, Pose, Status
 
 PERIOD = PORT.yaw_period_rad
@@ -62,6 +63,7 @@ def test_certain_is_what_promises_to_be_right_in_95_of_100():
     """Standard deviations of position and normal at, and just over, the error that one may dock with."""
     T, promised = Pose(np.eye(3), np.ones(3)), []
     for position, turn in ((1, 1), (1.01, 0.1), (0.1, 1.01)):
-        S = np.diag([position * RIGHT_M] * 3 + [turn * RIGHT_RAD] * 2 + [9.0]) / 1.9601  # yaw does not count
+        limits = [position * OURS.right_position_m] * 3 + [turn * OURS.right_normal_rad] * 2
+        S = np.diag([*limits, 9.0]) / 1.9601  # yaw does not count
         promised.append(Estimate(0, Status.OK, T, covariance=S**2))
     assert certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]

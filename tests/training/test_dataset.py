@@ -8,8 +8,8 @@ from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.network import DOMAIN_GAPS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
+from lmmap.settings import PAPER
 from lmmap.training import dataset
-from lmmap.types import PAPER
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,10 @@ import validation_world
 
 from lmmap.bench import photometry
 from lmmap.bench.laboratory import sequence
-from lmmap.pipeline import ellipse
-from lmmap.pipeline.histograms import WIDER
 from lmmap.provenance import DATA, load_json
+from lmmap.settings import OURS
 from lmmap.studies import accuracy_run
-from lmmap.tracking.motion_model import Motion
 from lmmap.training import dataset
-from lmmap.types import PAPER
 
 TUNED_ON = {
     "tuning/tune_fusion.py": tune_fusion.SEQUENCES,
@@ -69,9 +66,9 @@ def test_the_constants_are_the_scripts_choice():
     """The committed grid's row by the rule, and the committed choices, are what the module holds."""
     grid, choices = pd.read_csv(FUSION / "grid.csv"), load_json(FUSION / "choices.json")
     best = tune_fusion.choice(grid)
-    assert asdict(Motion()) == pytest.approx(choices["motion"])
+    assert asdict(OURS.motion) == pytest.approx(choices["motion"])
     for name in ("acceleration_m", "acceleration_rad", "correlation_s"):
-        assert getattr(Motion(), name) == best[name]
+        assert getattr(OURS.motion, name) == best[name]
     assert Path(FUSION / "grid.provenance.json").exists()
 
 
@@ -86,10 +83,10 @@ def test_of_honest_settings_the_best_is_chosen():
 def test_the_second_look_is_the_scripts_choice():
     looks = pd.read_csv(DATA / "results" / "looks.csv").query("factor > 1")
     right = looks.groupby("factor").right.sum()
-    assert set(right.index) == set(choose_look.FACTORS) - {1.0} and right.idxmax() == WIDER
+    assert set(right.index) == set(choose_look.FACTORS) - {1.0} and right.idxmax() == OURS.second_look_factor
 
 
 def test_the_thresholds_are_the_scripts_choice():
     best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
     assert tuple(best[list(choose_thresholds.NAMES)]) == choose_thresholds.PRESENT
-    assert (PAPER.mask_threshold, ellipse.SURE, PAPER.min_marker_score) == choose_thresholds.PRESENT
+    assert (OURS.mask_threshold, OURS.peak_share, OURS.min_marker_score) == choose_thresholds.PRESENT

@@ -1,0 +1,111 @@
+"""Every number that the pipeline may choose: `PAPER` holds those that the paper states, `OURS` all of them.
+
+Settings are passed as arguments.  Vary them with `dataclasses.replace`; nothing assigns into a module.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class PerCamera:
+    """A number that differs between the two cameras: ``setting[modality]``."""
+
+    rgb: float
+    event: float
+
+    def __getitem__(self, modality: str) -> float:
+        return {"rgb": self.rgb, "event": self.event}[modality]
+
+
+@dataclass(frozen=True)
+class PaperSettings:
+    """The numbers that the paper states."""
+
+    events_per_window: int = 35_000  # N, section II.B
+    yaw_step_rad: float = float(np.deg2rad(1.0))  # grid of the yaw search, section II.D
+    outlier_angle_rad: float = float(np.deg2rad(15.0))  # outlier filter, section IV
+    outlier_poses: int = 3  # outlier filter, section IV
+    rate_hz: float = 10.0  # of all experiments, section IV
+
+
+@dataclass(frozen=True)
+class MotionSettings:
+    """What the Kalman filter assumes; all but the gate chosen by ``tuning/tune_fusion.py``."""
+
+    acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
+    acceleration_rad: float = 0.2  # rad / s^1.5
+    correlation_s: float = 0.05  # time over which a camera's errors stay alike
+    speed_m_s: float = 0.05  # standard deviation along each axis when nothing is known yet
+    rate_rad_s: float = 0.18  # the same of the angular rate
+    gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)
+    lost_s: float = 0.2  # a track ends after so long without an accepted estimate
+
+
+@dataclass(frozen=True)
+class Settings(PaperSettings):
+    """The paper's numbers, and every other number that our pipeline is free to choose."""
+
+    weights: str = "low"  # default set of networks: `robust` ones are wrong in more bright event images
+
+    # windows of events
+    second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py
+
+    # ring mask to pixels
+    mask_threshold: float = 0.5  # tuning/choose_thresholds.py
+    peak_share: float = 0.9  # of the mask's maximum, which a blob must reach; tuning/choose_thresholds.py
+    min_ring_pixels: int = 60  # gamma_S of the paper, which does not state it
+
+    # ellipse
+    ransac_hypotheses: int = 500  # H of the paper, which does not state it
+    ransac_tolerance_px: float = 1.5  # Sampson distance of an inlier
+    ransac_refits: int = 10  # of 500 hypotheses about as many have five inliers at 55 % outliers
+    min_axis_ratio: float = 0.25  # 75 deg of tilt: beyond, plate and petals hide the far half of the ring
+    min_semi_major_px: float = 12.0  # at most 2.2 m: beyond, the ring's stroke is a pixel or two wide
+    min_arc_coverage: float = 0.5  # with less, the ellipse's size and tilt are guesses (book: ellipses)
+
+    # contour below a pixel
+    contour_half_width: float = 1.5  # of the strip searched, in widths of the ring's stroke
+    contour_floor: float = 0.1  # mask values below are background
+    contour_widths: tuple[float, float] = (0.6, 1.6)  # of a good ray, in units of the median ray's
+    contour_min_rays: float = 0.4  # share of good rays, below which there is no stroke
+
+    # yaw
+    min_marker_score: float = 0.15  # tuning/choose_thresholds.py
+    min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
+    other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
+    marker_border_px: float = 4  # beside the markers, for what measures their edges
+
+    # ring and markers together
+    refine_jointly: bool = True  # after the two circles' poses
+    joint_rounds: int = 4  # Gauss-Newton steps at most
+    joint_settled: float = 0.1  # standard deviations: a smaller step is the last
+    edge_half_px: float = 3.0  # of the profile across a marker's side
+    edge_contrast: float = 0.5  # of the mask between inside and outside, for an edge to be seen
+    min_edges: int = 20  # fewer edge points add nothing
+
+    # covariances: neighbouring samples of a mask err alike, so independent ones would promise too much.
+    # By tuning/calibrate_uncertainty.py on sequences that neither train nor test, with networks on the bench
+    # that trained them: other networks ask for a new measurement.
+    ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
+    marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
+    joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
+    yaw_inflation: float = 0.84  # of the yaw's standard deviation
+    min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
+    min_ring_score: float = 0.1  # no contour is known worse by its mask
+    merged_sigmas: float = 3.0  # of tilt: below, head-on is not excluded (99 %) and both normals are possible
+
+    # errors of a pose that one may dock on
+    right_position_m: float = 0.020
+    right_normal_rad: float = float(np.deg2rad(5.0))
+    right_rotation_rad: float = float(np.deg2rad(10.0))
+    certain_sigmas: float = 1.96  # standard deviations within those errors: 95 %
+
+    motion: MotionSettings = field(default_factory=MotionSettings)
+
+
+PAPER = PaperSettings()
+OURS = Settings()
