@@ -12,9 +12,10 @@ import shtab
 
 from ..bench import laboratory
 from ..pages import reference
-from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS, shipped_gaps
+from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
 from ..provenance import profile
 from ..recordings.formats import WRITERS
+from ..settings import OURS
 from ..studies import odometry_files
 from ..types import InputError
 from . import authors, bench
@@ -176,7 +177,6 @@ def _estimation(sub, required: bool, fused: bool = False) -> None:
     _file(sub, "--port", help="another port's geometry (JSON)")
     sub.add_argument("--rate", type=float, metavar="HZ", help="default: every frame, every N events")
     sub.add_argument("--events", type=int, metavar="N", help="events a histogram (default: 0.39 a pixel)")
-    default = shipped_gaps()[-1]  # robust, once trained: for what nobody rendered
-    gap = f"filters trained on this (default: {default})"
-    sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=default, help=gap)
+    text = f"set of mask networks (default: {OURS.weights}, as in Python)"
+    sub.add_argument("--domain-gap", choices=DOMAIN_GAPS, default=OURS.weights, help=text)
     sub.add_argument("--weights", metavar="FOLDER", help="filters of your own, named as ours")

@@ -173,10 +173,10 @@ def test_a_yaw_is_unknown_where_another_explains_the_mask_as_well():
     turned = Pose(T.rotation @ projection.rotation_z(PORT.yaw_period_rad / 2), T.position_m)
     for share in (0.0, 0.4, 0.7, 0.95):
         fit = yaw.fast_yaw(np.maximum(mask_of(T), share * mask_of(turned)), candidates(T), PORT, CAMERA)
-        assert fit.yaw_known == (share < 0.9)
+        assert (fit.yaw_margin >= OURS.min_yaw_margin) == (share < 0.9)
         margins.append(fit.yaw_margin)
         unknown_rad = PORT.yaw_period_rad / np.sqrt(12)
-        assert (fit.sigma_rad == pytest.approx(unknown_rad)) == (not fit.yaw_known)
+        assert (fit.sigma_rad == pytest.approx(unknown_rad)) == (fit.yaw_margin < OURS.min_yaw_margin)
     assert np.all(np.diff(margins) < -0.1) and 0 < margins[-1] < 0.05
     half = yaw.fast_yaw(0.5 * mask_of(T), candidates(T), PORT, CAMERA)
     assert half.yaw_margin == pytest.approx(margins[0])  # however bright they are
@@ -184,5 +184,5 @@ def test_a_yaw_is_unknown_where_another_explains_the_mask_as_well():
 
 def test_an_empty_mask_knows_neither_yaw_nor_normal():
     fit = yaw.fast_yaw(np.zeros((260, 346), np.float32), candidates(pose((170, 120), 0.6, 0.5)), PORT, CAMERA)
-    assert fit.margin == fit.yaw_margin == 0 and not fit.yaw_known
+    assert fit.margin == fit.yaw_margin == 0 < OURS.min_yaw_margin
     assert fit.sigma_rad == pytest.approx(PORT.yaw_period_rad / np.sqrt(12))
