@@ -1,91 +1,209 @@
 """Cameras and ports as files: a dataclass's fields in JSON, or a calibration in YAML.
 
-Both read everything with one error, `InputError`, that names the file, the problem and the remedy.
+Both read everything with one error, `InputError`, that names the file, the problem and the remedy.  A file is
+parsed only if it is short and flat, and each value is checked for its type and its range before it is used.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-import numpy as np
-import yaml
+from .files import InputError as InputError
+from .files import atomic, read_text
 
+MAX_BYTES = 2**20  # of a calibration; Kalibr's longest have some kilobytes
+MAX_DEPTH = 20  # of nested lists and objects; a calibration has three
 
-class InputError(Exception):
-    """Bad input from outside: the message names the file, the problem and the remedy."""
+SIZE_PX = (int, 1, 32_767)  # an event's coordinates have 16 bits
+FOCAL_PX = (float, 1.0, 1e6)  # a pixel sees 45 degrees, or a microradian
+CENTRE_PX = (float, -1e6, 1e6)  # beyond the image, as in a crop
+COEFFICIENT = (float, -1e3, 1e3)  # of a distortion; calibrations of wide lenses reach some tens
+LENGTH_M = (float, 1e-6, 1e3)  # from a micrometre to a kilometre
+OFFSET_M = (float, -1e3, 1e3)
+CAMERA = {
+    "width_px": SIZE_PX, "height_px": SIZE_PX, "fx_px": FOCAL_PX, "fy_px": FOCAL_PX,
+    "cx_px": CENTRE_PX, "cy_px": CENTRE_PX, "distortion": (COEFFICIENT, (0, 4, 5)),
+}  # fmt: skip
+PORT = {
+    **dict.fromkeys(("ring_radius_m", "ring_inner_radius_m", "ring_outer_radius_m", "plate_circumradius_m",
+                     "marker_radius_m", "stem_radius_m"), LENGTH_M),
+    **dict.fromkeys(("plate_height_m", "petal_rise_m", "petal_lean_m", "panel_depth_m"), OFFSET_M),
+    **dict.fromkeys(("marker_size_m", "petal_widths_m", "panel_size_m"), (LENGTH_M, (2,))),
+    "symmetry": (int, 1, 360),  # markers a turn; at a degree each they are one ring
+}  # fmt: skip
 
 
 def read_camera(path, cls) -> dict:
     """Fields of a camera from our JSON, or from an OpenCV, ROS or Kalibr calibration YAML."""
     expected = "expected our JSON or a calibration YAML of OpenCV, ROS or Kalibr"
-    return _read(path, cls, "camera calibration", expected, _yaml_camera)
+    return _read(path, cls, CAMERA, "camera calibration", expected, _yaml_camera)
 
 
 def read_port(path, cls) -> dict:
     """Fields of a port from our JSON."""
-    return _read(path, cls, "port", "expected a JSON object with the fields of lmmap.Port", None)
+    return _read(path, cls, PORT, "port", "expected a JSON object with the fields of lmmap.Port", None)
 
 
 def write_fields(path, instance) -> None:
     """Write a dataclass as JSON."""
     values = {f.name: getattr(instance, f.name) for f in fields(instance)}
-    Path(path).write_text(json.dumps(values, indent=1) + "\n")
+    with atomic(path) as temporary:
+        temporary.write_text(json.dumps(values, indent=1) + "\n")
 
 
-def _read(path, cls, what: str, expected: str, otherwise) -> dict:
-    path = Path(path)
+def read_yaml(text: str):
+    """A short flat YAML document, without what OpenCV writes and no YAML parser knows; raises ValueError.
+
+    Aliases are refused: a few of them stand for gigabytes.
+    """
+    import yaml  # only who has a calibration in YAML waits for it
+
+    text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
     try:
-        text = path.read_text()
-        values = _json(text, cls) if path.suffix == ".json" or otherwise is None else otherwise(text)
-        cls(**values)  # what the class itself refuses is bad input too
-        return values
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError) as error:
-        lines = str(error).strip().splitlines() or [""]
-        raise InputError(f"{path}: not a {what} ({type(error).__name__}: {lines[0]}); {expected}") from None
+        depth = 0
+        for event in yaml.parse(text, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError("it refers to its own parts")
+            if depth > MAX_DEPTH:
+                raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"not YAML: {' '.join(str(error).split()):.100}") from None
 
 
-def _json(text: str, cls) -> dict:
-    values = json.loads(text)
+def read_json(text: str):
+    """A short flat JSON document; raises ValueError."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError(f"nested deeper than {MAX_DEPTH} levels") from None
+
+
+def check_fields(values: dict, schema: dict, required: set[str]) -> dict:
+    """The values, lists as tuples, where each is of its schema's type and within its range.
+
+    A schema has ``(type, low, high)``, or for lists of such numbers ``((type, low, high), lengths)``.
+
+    Raises
+    ------
+    ValueError
+        That names the first field that is missing, unknown or wrong.
+    """
     if not isinstance(values, dict):
         raise ValueError("expected an object")
-    needed = {f.name for f in fields(cls) if f.default is MISSING}
-    if missing := sorted(needed - set(values)):
+    if missing := sorted(required - set(values)):
         raise ValueError(f"missing {', '.join(missing)}")
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+    if unknown := sorted(map(str, set(values) - set(schema))):
+        raise ValueError(f"unknown {', '.join(unknown):.100}")
+    return {name: _checked(name, value, schema[name]) for name, value in values.items()}
+
+
+def _checked(name: str, value, rule):
+    if isinstance(rule[0], tuple):
+        number, lengths = rule
+        if not isinstance(value, list | tuple) or len(value) not in lengths:
+            counts = " or ".join(map(str, lengths))
+            raise ValueError(f"{name}: expected a list of {counts} numbers, got {_shown(value)}")
+        return tuple(_checked(name, v, number) for v in value)
+    kind, low, high = rule
+    expected = "a whole number" if kind is int else "a number"
+    if isinstance(value, bool) or not isinstance(value, (int,) if kind is int else (int, float)):
+        raise ValueError(f"{name}: expected {expected}, got {_shown(value)}")
+    if not (low <= value <= high and math.isfinite(value)):
+        raise ValueError(f"{name}: expected {expected} from {low:g} to {high:g}, got {_shown(value)}")
+    return value
+
+
+def _shown(value) -> str:
+    """A value in a few characters."""
+    if isinstance(value, list | tuple):
+        return f"{len(value)} values"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return "a number of more than 30 digits"
+    return f"{value!r:.30}"
+
+
+def _read(path, cls, schema: dict, what: str, expected: str, parse_yaml) -> dict:
+    path = Path(path)
+    text = read_text(path, MAX_BYTES)
+    try:
+        values = read_json(text) if path.suffix == ".json" or parse_yaml is None else parse_yaml(text)
+        required = {f.name for f in fields(cls) if f.default is MISSING}
+        values = check_fields(values, schema, required)
+        cls(**values)  # what the class itself refuses is bad input too
+        return values
+    except ValueError as error:
+        lines = str(error).strip().splitlines() or [""]
+        raise InputError(f"{path}: not a {what} ({lines[0]:.200}); {expected}") from None
 
 
 def _yaml_camera(text: str) -> dict:
-    # OpenCV writes '%YAML:1.0' and '!!opencv-matrix', which no YAML parser knows
-    text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
-    y = yaml.safe_load(text)
-    if "cam0" in y:
-        return _kalibr_camera(y["cam0"])
-    if y.get("distortion_model", "plumb_bob") not in ("plumb_bob", "radtan"):
-        raise ValueError(f"distortion model {y['distortion_model']} is not radial-tangential")
-    k = np.array(y["camera_matrix"]["data"], float).reshape(3, 3)
-    distortion = y.get("distortion_coefficients", {}).get("data", [])
-    if np.any(distortion[5:]):
+    document = _mapping(read_yaml(text), "the document")
+    if "cam0" in document:
+        return _kalibr_camera(_mapping(document["cam0"], "cam0"))
+    model = document.get("distortion_model", "plumb_bob")
+    if model not in ("plumb_bob", "radtan"):
+        raise ValueError(f"distortion model {_shown(model)} is not radial-tangential")
+    k = _data(document, "camera_matrix")
+    if len(k) != 9:
+        raise ValueError(f"camera_matrix: expected 9 numbers, got {len(k)}")
+    distortion = _data(document, "distortion_coefficients") if "distortion_coefficients" in document else []
+    if any(distortion[5:]):
         raise ValueError(f"{len(distortion)} distortion coefficients, expected k1, k2, p1, p2, k3")
-    return dict(
-        width_px=int(y["image_width"]),
-        height_px=int(y["image_height"]),
-        fx_px=float(k[0, 0]),
-        fy_px=float(k[1, 1]),
-        cx_px=float(k[0, 2]),
-        cy_px=float(k[1, 2]),
-        distortion=tuple(float(d) for d in distortion[:5]) if np.any(distortion) else (),
-    )
+    values = {name: _entry(document, key) for name, key in (("width_px", "image_width"),
+                                                            ("height_px", "image_height"))}  # fmt: skip
+    values |= dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), (k[0], k[4], k[2], k[5]), strict=True))
+    return values | {"distortion": distortion[:5] if any(distortion) else []}
 
 
-def _kalibr_camera(cam: dict) -> dict:
+def _kalibr_camera(camera: dict) -> dict:
     """The first camera of a camchain."""
-    model = cam["camera_model"], cam.get("distortion_model", "none")
+    model = _entry(camera, "camera_model"), camera.get("distortion_model", "none")
     if model not in (("pinhole", "radtan"), ("pinhole", "none")):
-        raise ValueError(f"camera model {'-'.join(model)} is not pinhole-radtan")
-    width, height = (int(n) for n in cam["resolution"])
+        raise ValueError(f"camera model {model[0]!s:.20}-{model[1]!s:.20} is not pinhole-radtan")
+    size, intrinsics = _numbers(camera, "resolution", 2), _numbers(camera, "intrinsics", 4)
     names = "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"
-    values = dict(zip(names, (width, height, *map(float, cam["intrinsics"])), strict=True))
-    return values | {"distortion": tuple(float(d) for d in cam.get("distortion_coeffs", ()))}
+    values = dict(zip(names, (*size, *map(_float, intrinsics)), strict=True))
+    return values | {"distortion": [_float(d) for d in camera.get("distortion_coeffs") or ()]}
+
+
+def _mapping(value, name: str) -> dict:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name}: expected names with values, got {_shown(value)}")
+    return value
+
+
+def _entry(document: dict, key: str):
+    if key not in document:
+        raise ValueError(f"missing {key}")
+    return document[key]
+
+
+def _data(document: dict, key: str) -> list:
+    """The numbers of a matrix as OpenCV and ROS write it."""
+    values = _entry(_mapping(_entry(document, key), key), "data")
+    if not isinstance(values, list) or len(values) > 100:
+        raise ValueError(f"{key}: expected a list of numbers, got {_shown(values)}")
+    return [_float(v) for v in values]
+
+
+def _numbers(document: dict, key: str, count: int) -> list:
+    values = _entry(document, key)
+    if not isinstance(values, list) or len(values) != count:
+        raise ValueError(f"{key}: expected {count} numbers, got {_shown(values)}")
+    return values
+
+
+def _float(value):
+    """Whole numbers and, as YAML reads 1e-3 for a text, texts as floats; all else as it is, to be refused."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return value
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return value

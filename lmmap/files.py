@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and the marks by which an interrupted run goes on.
+"""Files: refused unless regular and of a declared size, written whole or not at all, and marked for resuming.
 
 A mark is a short text that says what a result was made of.  A result is kept for as long as its mark is that
 of what would make it now.
@@ -8,13 +8,46 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .camera_files import InputError
-
 CAMERA = "camera.json"  # the calibration that a folder of bags shares
+
+
+class InputError(Exception):
+    """Bad input from outside: the message names the file, the problem and the remedy."""
+
+
+def regular_file(path, max_bytes: int | None = None) -> Path:
+    """The path of a regular file of at most ``max_bytes``; raises `InputError`.
+
+    Devices and pipes are refused because reading them may never end.
+    """
+    path = Path(path)
+    try:
+        exists, regular = path.exists(), path.is_file()
+        size = path.stat().st_size if regular else 0
+    except (OSError, ValueError) as error:  # a name that is too long or holds a zero byte
+        raise InputError(f"{path}: cannot open ({error}); check the path") from None
+    if not exists:
+        raise InputError(f"{path}: no such file; check the path")
+    if not regular:
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise InputError(f"{path}: is {kind}, not a file; name a file on a disk")
+    if max_bytes is not None and size > max_bytes:
+        raise InputError(f"{path}: has {size} bytes, and at most {max_bytes} are read; name the right file")
+    return path
+
+
+def read_text(path, max_bytes: int) -> str:
+    """A text file of at most ``max_bytes``; raises `InputError`."""
+    path = regular_file(path, max_bytes)
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
+        raise InputError(f"{path}: cannot read this file ({reason}); name a text file") from None
 
 
 @contextmanager
@@ -57,6 +90,75 @@ def has_mark(path, mark: str) -> bool:
     """Whether the file of a mark is there and holds this one."""
     path = Path(path)
     return path.exists() and path.read_text() == mark
+
+
+def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Path:
+    """The path of an output that may be written: a new file, or with ``overwrite`` one that is no input.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written, or where something would be lost.
+    """
+    path = Path(path)
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: no folder {folder}; make it first")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise InputError(f"{path}: cannot write there; choose a folder that you may write")
+    if not path.exists() or not path.is_file():  # what is written to a device replaces nothing
+        return path
+    for source in filter(None, inputs):
+        source = Path(source)
+        if source.exists() and (path.samefile(source) or (source.is_dir() and folder.samefile(source))):
+            raise InputError(f"{path}: is also read as {source}; give the output another name")
+    if not overwrite:
+        raise InputError(f"{path}: exists; give another name, or --overwrite to replace it")
+    return path
+
+
+@contextmanager
+def lock(path) -> Iterator[None]:
+    """Keep other processes from writing to ``path``; the system frees it when the process ends, however.
+
+    Raises
+    ------
+    InputError
+        If another process holds it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows has no such locks
+        yield
+        return
+    path = Path(path)
+    name = path.with_name(f".{path.name}.lock")
+    while True:
+        try:
+            descriptor = os.open(name, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot write there ({error.strerror}); choose a folder that you may write"
+            ) from None
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise InputError(
+                f"{path}: another process writes this file; wait for it, or give another name"
+            ) from None
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(descriptor), os.stat(name)):
+                break
+        os.close(descriptor)  # its last owner removed it in between
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.unlink(name)
+        os.close(descriptor)
 
 
 def beside(path, name: str) -> Path | None:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from . import camera_files
-from .camera_files import InputError as InputError
+from .files import InputError as InputError
 
 EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
 

@@ -21,11 +21,11 @@ import numpy as np
 from backports import zstd
 
 from ..types import EVENT, Recording
+from .limits import MAX_CHUNK_BYTES, MAX_RECORD_BYTES, check_image
 from .stream import Source, in_chunks, input_errors, no_events, no_frames, pieces
 
 MAGIC = b"#!AER-DAT4.0\r\n"
 PACKET = 100_000  # events in one that we write
-MOST = 2**28  # bytes of a packet: more is damage
 CHANNELS = {0: 1, 16: 3, 24: 4}  # of a frame, by its format: gray, BGR, BGRA
 DECOMPRESSORS = {1: lz4.frame.LZ4FrameDecompressor, 2: lz4.frame.LZ4FrameDecompressor,
                  3: zstd.ZstdDecompressor, 4: zstd.ZstdDecompressor}  # fmt: skip
@@ -69,6 +69,8 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
         (size,) = _unpack("<I", file.read(4))
         if size > length - file.tell():
             raise ValueError("truncated in its header")
+        if size > MAX_RECORD_BYTES:
+            raise ValueError(f"a header of {size} bytes")
         header = _Table(file.read(size), 0)
     compression, end, node = header.number(0, "<i"), header.number(1, "<q", -1), header.vector(2, "u1")
     if compression not in (0, *DECOMPRESSORS):
@@ -87,6 +89,8 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
 
 def _whole_table(path: Path, at: int, compression: int) -> bool:
     """Whether the file ends with the table of packets: a size-prefixed flatbuffer, compressed."""
+    if path.stat().st_size - at > MAX_RECORD_BYTES:
+        raise ValueError("a table of packets that is too long")
     with path.open("rb") as file:
         file.seek(at)
         data = file.read()
@@ -107,7 +111,7 @@ def _packets(path: Path, end: int, streams) -> Iterator[tuple[int, int, int]]:
         while at + 8 <= stop:
             stream, size = _unpack("<ii", file.read(8))
             whole = at + 8 + size <= stop
-            if stream not in streams or size < 0 or not (whole or end < 0):
+            if stream not in streams or not 0 < size <= MAX_CHUNK_BYTES or not (whole or end < 0):
                 raise ValueError(f"damaged packet at byte {at}")
             if not whole:
                 return
@@ -128,7 +132,7 @@ def _decompressed(data: bytes, compression: int) -> bytes:
     if not compression:
         return data
     decompressor = DECOMPRESSORS[compression]()
-    content = decompressor.decompress(data, max_length=MOST)
+    content = decompressor.decompress(data, max_length=MAX_CHUNK_BYTES)
     if not decompressor.eof:
         raise ValueError("a packet that does not decompress")
     return content
@@ -162,6 +166,7 @@ def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
             kind, width, height = (frame.number(k, form) for k, form in ((5, "<b"), (6, "<h"), (7, "<h")))
             if kind not in CHANNELS:
                 raise ValueError(f"a frame of unknown format {kind}")
+            check_image(width, height)
             pixels = frame.vector(10, "u1").reshape(height, width, CHANNELS[kind])
             # stamped at the start of the exposure; ours is its middle
             yield frame.number(0, "<q") + round(frame.number(11, "<q") / 2), rgb(pixels)

@@ -12,13 +12,14 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
-from ..files import CAMERA, atomic, beside
+from ..files import CAMERA, atomic, beside, regular_file
 from ..types import Camera, InputError, Recording
 from . import aedat4, hdf5, images, rosbag, text
 from .health import health
 from .pose_files import (
     read_estimates,
     read_trajectory,
+    read_truth,
     trajectory_of,
     write_estimates,
     write_trajectory,
@@ -32,6 +33,7 @@ __all__ = [
     "open_stream",
     "read_estimates",
     "read_trajectory",
+    "read_truth",
     "trajectory_of",
     "write_aedat4",
     "write_estimates",
@@ -57,15 +59,15 @@ def open_stream(path, camera: Camera | str | Path | None = None, *, checked: boo
     Faults in the data are raised when they are met, or with ``checked=False`` never.
     """
     path = Path(path)
-    if not path.exists():
-        raise InputError(f"{path}: no such file; check the path")
+    if not path.is_dir():
+        regular_file(path)
     kind = "folder" if path.is_dir() else path.suffix.lower()
     if kind not in READERS:
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
     source = READERS[kind](path)
     camera = _camera(path, source.size_px, camera)
-    beside = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
-    truth = read_trajectory(beside[0]) if beside else None
+    truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
+    truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
 
 

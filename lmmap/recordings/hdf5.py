@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import h5py
-import hdf5plugin as hdf5plugin  # makes h5py read the filter that DSEC's own files use
 import numpy as np
 
 from ..pipeline.histograms import from_columns
 from ..types import Recording
-from .stream import CHUNK, Source, input_errors
+from .hdf5_datasets import open_dataset, rows_at_once
+from .limits import MAX_CHUNK_BYTES, MAX_TIME_US, check_image
+from .stream import CHUNK, Source, input_errors, pieces
 
 
 def read(path: Path) -> Source:
@@ -24,56 +26,82 @@ def read(path: Path) -> Source:
         if "events/t" in file:
             t = _columns(file)[0]
             span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
-            size_px = tuple(int(n) for n in file.attrs["size_px"]) if "size_px" in file.attrs else None
+            size_px = _stated_size_px(file)
             frames = partial(_frames, path, "", "frames", "frames_t_us")
             return Source(path, size_px, partial(_dsec, path), frames, span_us)
         if "davis/left" in file:
-            group = file["davis/left"]
-            size_px = group["image_raw"].shape[2:0:-1] if "image_raw" in group else None
+            name = "davis/left/image_raw"
+            size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
             frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts")
             return Source(path, size_px, partial(_mvsec, path), frames)
         raise ValueError("neither events/t nor davis/left in it")
 
 
+def _stated_size_px(file: h5py.File) -> tuple[int, int] | None:
+    if "size_px" not in file.attrs:
+        return None
+    size = file.attrs["size_px"]
+    if np.shape(size) != (2,) or np.asarray(size).dtype.kind not in "iu":
+        raise ValueError("size_px is not a width and a height")
+    check_image(int(size[0]), int(size[1]))
+    return int(size[0]), int(size[1])
+
+
 def _columns(file: h5py.File) -> list[h5py.Dataset]:
-    columns = [file[f"events/{name}"] for name in "txyp"]
-    if len({c.shape for c in columns}) != 1 or columns[0].ndim != 1:
+    columns = [open_dataset(file, f"events/{name}", 1) for name in "txyp"]
+    if len({c.shape for c in columns}) != 1:
         raise ValueError(f"columns of shapes {', '.join(str(c.shape) for c in columns)}")
     return columns
 
 
 def _offset_us(file: h5py.File) -> int:
-    return int(file["t_offset"][()]) if "t_offset" in file else 0
+    return int(open_dataset(file, "t_offset", 0)[()]) if "t_offset" in file else 0
 
 
-def _dsec(path: Path):
+def _dsec(path: Path) -> Iterator[np.ndarray]:
     with _file_errors(path), h5py.File(path, "r") as file:
         offset_us, columns = _offset_us(file), _columns(file)
-        for i in range(0, len(columns[0]), CHUNK):
-            yield from_columns(*(c[i : i + CHUNK] for c in columns), offset_us=offset_us)
+        step = max(rows_at_once(c, CHUNK) for c in columns)
+        for i in range(0, len(columns[0]), step):
+            yield from pieces(from_columns(*(c[i : i + step] for c in columns), offset_us=offset_us), CHUNK)
 
 
-def _mvsec(path: Path):
+def _mvsec(path: Path) -> Iterator[np.ndarray]:
     with _file_errors(path), h5py.File(path, "r") as file:
-        rows = file["davis/left/events"]
-        for i in range(0, len(rows), CHUNK):
-            x, y, t, p = rows[i : i + CHUNK].T
-            yield from_columns(t, x, y, p, seconds=True)
+        rows = open_dataset(file, "davis/left/events", 2)
+        if rows.shape[1] != 4:
+            raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
+        step = rows_at_once(rows, CHUNK)
+        for i in range(0, len(rows), step):
+            x, y, t, p = rows[i : i + step].T
+            yield from pieces(from_columns(t, x, y, p, seconds=True), CHUNK)
 
 
-def _frames(path: Path, group: str, images: str, times: str):
+def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[int, np.ndarray]]:
     with _file_errors(path), h5py.File(path, "r") as file:
         if group + images not in file:
             return
-        pixels, t = file[group + images], file[group + times][:]
-        if pixels.dtype != np.uint8 or pixels.ndim not in (3, 4) or pixels.shape[3:] not in ((), (3,)):
+        pixels, t = open_dataset(file, group + images, 3, 4), open_dataset(file, group + times, 1)
+        if pixels.dtype != np.uint8 or pixels.shape[3:] not in ((), (3,)):
             raise ValueError(f"expected images of 8 bit, got {pixels.dtype} of shape {pixels.shape}")
         if t.shape != pixels.shape[:1]:
             raise ValueError(f"{len(pixels)} images but times of shape {t.shape}")
-        t_us = (np.rint(t * 1e6) if t.dtype.kind == "f" else t).astype(np.int64).tolist()
-        for i, frame_us in enumerate(t_us):
-            image = pixels[i]
-            yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+        if not len(pixels):
+            return
+        check_image(pixels.shape[2], pixels.shape[1])
+        step = min(rows_at_once(pixels, 1), max(1, MAX_CHUNK_BYTES // (pixels[:1].nbytes)))
+        for i in range(0, len(pixels), step):
+            for frame_us, image in zip(_times_us(t[i : i + step]), pixels[i : i + step], strict=True):
+                yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+
+
+def _times_us(t: np.ndarray) -> list[int]:
+    """Times in microseconds: floats are seconds."""
+    if t.dtype.kind != "f":
+        return t.tolist()
+    if not np.all(np.abs(t) <= MAX_TIME_US / 1e6):  # NaN neither
+        raise ValueError("a time of an image is beyond any clock's")
+    return np.rint(t * 1e6).astype(np.int64).tolist()
 
 
 def _file_errors(path: Path):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 
+from ..files import read_text, regular_file
 from . import text
+from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, input_errors, no_events
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -35,7 +39,7 @@ def _listed(path: Path) -> tuple[list[Path], list[int]]:
     lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
     if not lists:
         raise ValueError("no timestamps.txt or images.txt in it")
-    lines = [line.split() for line in lists[0].read_text().splitlines()]
+    lines = [line.split() for line in read_text(lists[0], MAX_LIST_BYTES).splitlines()]
     lines = [line for line in lines if line and not line[0].startswith("#")]
     if all(len(line) == 1 for line in lines):
         names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
@@ -58,9 +62,26 @@ def _folder_errors(path: Path):
 
 
 def _image(path: Path) -> np.ndarray:
-    bgr = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
+    try:
+        return decode(regular_file(path, MAX_IMAGE_BYTES).read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from None
+
+
+def decode(content: bytes) -> np.ndarray:
+    """The image (H, W, 3) u8 RGB of a file's bytes; ValueError where they are none, or where it is too large.
+
+    Its size is read before its pixels are: a megabyte can stand for gigapixels.
+    """
+    try:
+        with Image.open(io.BytesIO(content)) as header:
+            check_image(*header.size)
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        reason = "too many pixels" if isinstance(error, Image.DecompressionBombError) else "not an image"
+        raise ValueError(reason) from None
+    bgr = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ValueError(f"{path.name} is not an image")
+        raise ValueError("not an image that can be decoded")
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
 
 

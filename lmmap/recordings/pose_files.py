@@ -7,13 +7,15 @@ camera's pose in the port's frame with times in seconds.
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..files import atomic
+from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
+from .limits import MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
 
 POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
@@ -59,18 +61,28 @@ def read_trajectory(path, format: str | None = None) -> Trajectory:
     tum = format == "tum" if format else path.suffix in (".txt", ".tum")
     try:
         if tum:
-            lines = [line.split() for line in path.read_text().splitlines()]
-            table = [line for line in lines if line and not line[0].startswith("#")]
-            t_us = [round(float(one[0]) * 1e6) for one in table]
-            T = _poses([one[1:8] for one in table]).inverse
+            lines = [line.split() for line in read_text(path, MAX_TRUTH_BYTES).splitlines()]
+            rows = [line for line in lines if line and not line[0].startswith("#")]
+            t_us = [round(float(row[0]) * 1e6) for row in rows]
+            T = _poses([row[1:8] for row in rows]).inverse
         else:
-            table = _read_csv(path, ("t_us", *POSE))
-            t_us = [int(one["t_us"]) for one in table]
-            T = _poses([[one[name] for name in POSE] for one in table])
+            rows = _read_csv(path, ("t_us", *POSE))
+            t_us = [int(row["t_us"]) for row in rows]
+            T = _poses([[row[name] for name in POSE] for row in rows])
+        for time_us in t_us:
+            check_times(time_us)
         return Trajectory(t_us, T)
-    except (OSError, ValueError, KeyError, OverflowError, csv.Error) as error:
+    except (OSError, ValueError, IndexError, OverflowError, csv.Error) as error:
         form = "TUM lines" if tum else f"CSV with t_us,{','.join(POSE)}"
         raise InputError(f"{path}: not a trajectory ({_first_line(error)}); expected {form}") from None
+
+
+def read_truth(path) -> Trajectory:
+    """A trajectory to compare with: as `read_trajectory`, of at least two poses."""
+    trajectory = read_trajectory(path)
+    if len(trajectory) < 2:
+        raise InputError(f"{path}: has {len(trajectory)} poses, a truth needs two; name another trajectory")
+    return trajectory
 
 
 def write_estimates(estimates: list[Estimate], path) -> None:
@@ -98,7 +110,7 @@ def as_row(e: Estimate) -> dict:
 
 
 def as_read(e: Estimate) -> Estimate:
-    """The estimate as who reads its line will have it, rounded to the line's digits."""
+    """The estimate after a round trip through its CSV row."""
     return _estimate(as_row(e))
 
 
@@ -134,8 +146,8 @@ def _estimate(row: dict) -> Estimate:
 
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:
     """The estimates that have a pose, as a trajectory."""
-    found = [e for e in estimates if e.T_cam_port is not None]
-    return Trajectory([e.t_us for e in found], stacked([e.T_cam_port for e in found]))
+    posed = [e for e in estimates if e.T_cam_port is not None]
+    return Trajectory([e.t_us for e in posed], stacked([e.T_cam_port for e in posed]))
 
 
 def stacked(poses: list[Pose]) -> Pose:
@@ -145,11 +157,11 @@ def stacked(poses: list[Pose]) -> Pose:
 
 
 def _read_csv(path, columns) -> list[dict]:
-    with Path(path).open(newline="") as file:
-        reader = csv.DictReader(file, strict=True)
-        if missing := [c for c in columns if c not in (reader.fieldnames or ())]:
-            raise ValueError(f"no column {', '.join(missing)}")
-        rows = list(reader)
+    text = read_text(path, MAX_TRUTH_BYTES)
+    reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+    if missing := [c for c in columns if c not in (reader.fieldnames or ())]:
+        raise ValueError(f"no column {', '.join(missing)}")
+    rows = list(reader)
     if any(None in row or None in row.values() for row in rows):
         raise ValueError("lines of different length")
     return rows
@@ -165,6 +177,10 @@ def _poses(rows) -> Pose:
     values = np.array(rows, float).reshape(-1, 7)
     if not np.all(np.isfinite(values)):
         raise ValueError("a value is not finite")
+    if np.any(np.abs(values[:, :3]) > MAX_POSITION_M):
+        raise ValueError(f"a position beyond {MAX_POSITION_M:g} m")
+    if np.any(np.abs(values[:, 3:]) > 2):  # whose square may not be finite
+        raise ValueError("a quaternion is not of unit length")
     norm = np.linalg.norm(values[:, 3:], axis=1)
     if np.any(np.abs(norm - 1) > 1e-3):
         raise ValueError("a quaternion is not of unit length")

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import io
+import os
 import re
 import struct
 import warnings
+from bz2 import BZ2Decompressor
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from heapq import merge
 from pathlib import Path
 
 import cv2
 import numpy as np
+from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag1 import Reader, ReaderError, Writer
+from rosbags.rosbag1.reader import Chunk, Header, RecordType, read_uint32
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
+from ..files import regular_file
 from ..pipeline.histograms import from_columns
-from ..types import Camera, Recording
+from ..types import Camera, InputError, Recording
+from .images import decode
+from .limits import MAX_CHUNK_BYTES, check_image
 from .stream import Source, in_chunks, input_errors, pieces
 
 ERRORS = (ReaderError, SerdeError, TypesysError, AssertionError, LookupError, RuntimeError, cv2.error)
+MAGIC = b"#ROSBAG V2.0\n"
+DECOMPRESSORS = {"none": None, "bz2": BZ2Decompressor, "lz4": LZ4FrameDecompressor}
 STORE = get_typestore(Stores.ROS1_NOETIC)
 PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
@@ -43,7 +54,7 @@ TO_RGB = {
 
 def read(path: Path) -> Source:
     """The first topic of each kind; raises `InputError`."""
-    with named(path), Reader(path) as bag:
+    with open_bag(path) as bag:
         arrays = _topic(bag, path, _is_events)
         images = _topic(bag, path, IMAGES.__contains__)
         if not arrays and not images:
@@ -70,12 +81,12 @@ def _chunks(path: Path, size_px: tuple[int, int]):
                 raise ValueError(f"event arrays for {size} px among those for {size_px} px")
             yield batch
 
-    with named(path), Reader(path) as bag:
+    with open_bag(path) as bag:
         yield from in_chunks(batches(bag))
 
 
 def _frames(path: Path):
-    with named(path), Reader(path) as bag:
+    with open_bag(path) as bag:
         for connection, _, raw in _messages(bag, path, IMAGES.__contains__):
             yield _image(raw, connection)
 
@@ -97,8 +108,70 @@ def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
     return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, _rgb(message)
 
 
-def named(path: Path):
-    """A context in which what damaged bytes raise becomes one `InputError` line."""
+@contextmanager
+def open_bag(path):
+    """A bag's reader; within its block, what damaged bytes raise becomes one `InputError` line."""
+    path = Path(path)
+    with _file_errors(path):
+        regular_file(path)
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise ValueError("not a ROS 1 bag, whatever its name says")
+        with BoundedReader(path) as bag:
+            yield bag
+
+
+class BoundedReader(Reader):
+    """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
+
+    def open(self) -> None:
+        self.path = _BoundedPath(self.path)
+        super().open()
+
+    def read_chunk(self) -> Chunk:
+        header = Header.read(self.bio, RecordType.CHUNK)
+        kind, size = header.get_string("compression"), header.get_uint32("size")
+        datasize = read_uint32(self.bio)
+        datapos = self.bio.tell()
+        if kind not in DECOMPRESSORS:
+            raise ReaderError(f"Compression {kind!r} is not supported.")
+        if max(size, datasize) > MAX_CHUNK_BYTES or datapos + datasize > os.fstat(self.bio.fileno()).st_size:
+            raise ReaderError(f"A chunk of {max(size, datasize)} bytes.")
+        self.bio.seek(datasize, os.SEEK_CUR)
+        return Chunk(datasize, datapos, partial(_decompressed, DECOMPRESSORS[kind], size))
+
+
+class _BoundedPath:
+    """A path whose file refuses to read more at once than any record has."""
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def __str__(self) -> str:
+        return str(self._path)
+
+    def open(self, mode: str) -> io.BufferedReader:
+        return _BoundedFile(io.FileIO(self._path, mode))
+
+
+class _BoundedFile(io.BufferedReader):
+    def read(self, size: int = -1) -> bytes:
+        if size > MAX_CHUNK_BYTES:
+            raise ReaderError(f"A record of {size} bytes.")
+        return super().read(size)
+
+
+def _decompressed(decompressor, size: int, content: bytes) -> bytes:
+    """A chunk's bytes; ValueError where they are not as many as its header states."""
+    if decompressor is not None:
+        inflate = decompressor()
+        content = inflate.decompress(content, max_length=size + 1)
+    if len(content) != size:
+        raise ValueError(f"a chunk that does not decompress to its {size} bytes")
+    return content
+
+
+def _file_errors(path: Path):
     remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
     return input_errors(path, "cannot read this bag", remedy, ERRORS)
 
@@ -145,12 +218,10 @@ def _fields(definition: str) -> list[tuple[str, str]]:
 
 def _rgb(message) -> np.ndarray:
     if hasattr(message, "format"):
-        bgr = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
-        if bgr is None:
-            raise ValueError("a compressed image that does not decode")
-        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+        return decode(bytes(message.data))
     if message.encoding not in TO_RGB:
         raise ValueError(f"images encoded as {message.encoding}")
+    check_image(message.width, message.height)
     rows = np.asarray(message.data).reshape(message.height, message.step)
     depth = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3}.get(message.encoding, 1)
     pixels = np.ascontiguousarray(rows[:, : message.width * depth]).reshape(
@@ -205,9 +276,9 @@ def _image_messages(recording: Recording):
 
 
 def header(t_us: int, frame: str = "") -> bytes:
-    """A std_msgs/Header; ValueError for a negative time."""
-    if t_us < 0:
-        raise ValueError("bag: times must not be negative")
+    """A std_msgs/Header; `InputError` for a time that ROS cannot write."""
+    if not 0 <= t_us < 2**32 * 10**6:
+        raise InputError(f"bag: a time of {t_us} us, and ROS has 0 to 2^32 s; shift the recording's times")
     return struct.pack("<III", 0, t_us // 10**6, t_us % 10**6 * 1000) + text(frame)
 
 

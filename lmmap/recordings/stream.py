@@ -16,6 +16,7 @@ import numpy as np
 
 from ..pipeline.histograms import joined
 from ..types import Camera, InputError, Recording, Trajectory
+from .limits import check_times
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
 
@@ -53,13 +54,13 @@ class Stream:
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
-        chunks = self.source.events()
-        return self._with_file_name(checked_events(chunks, self.camera.size_px)) if self.checked else chunks
+        chunks = timely_events(self.source.events())
+        return self._with_file_name(checked_events(chunks, self.camera.size_px) if self.checked else chunks)
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
-        frames = self.source.frames()
-        return self._with_file_name(checked_frames(frames, self.camera.size_px)) if self.checked else frames
+        frames = timely_frames(self.source.frames())
+        return self._with_file_name(checked_frames(frames, self.camera.size_px) if self.checked else frames)
 
     def _with_file_name(self, values: Iterator) -> Iterator:
         try:
@@ -118,6 +119,21 @@ def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.
 def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:
     """An array in runs of at most ``count``."""
     return (array[i : i + count] for i in range(0, len(array), count))
+
+
+def timely_events(chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Pass chunks that hold events on; ValueError at a time that no clock shows."""
+    for chunk in chunks:
+        if len(chunk):
+            check_times(chunk["t_us"])
+            yield chunk
+
+
+def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
+    """Pass ``(t_us, frame)`` on; ValueError at a time that no clock shows."""
+    for t_us, frame in frames:
+        check_times(t_us)
+        yield t_us, frame
 
 
 def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:

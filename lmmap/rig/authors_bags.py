@@ -11,9 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rosbags.rosbag1 import Reader
-
-from ..recordings.rosbag import IMAGES, named
+from ..recordings.rosbag import IMAGES, open_bag
 from ..types import InputError
 from . import rig, tf
 
@@ -124,7 +122,7 @@ def check_bags(folder) -> Iterator[dict]:
 
 def bag_contents(path) -> dict:
     """Seconds, and messages by topic, from a bag's index; raises `InputError` where it is not whole."""
-    with named(Path(path)), Reader(Path(path)) as bag:
+    with open_bag(path) as bag:
         topics = {name: (t.msgtype, t.msgcount) for name, t in bag.topics.items()}
         return {"seconds": bag.duration * 1e-9, "topics": topics}
 

@@ -15,10 +15,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag1 import Reader
 from scipy.spatial.transform import Rotation
 
-from ..recordings.rosbag import STORE, header, named, text
+from ..recordings.rosbag import STORE, header, open_bag, text
 from ..types import InputError, Pose, Trajectory
 from . import ur5e
 
@@ -85,7 +84,7 @@ def read_transforms(
     """
     path = Path(path)
     rows, angles = (defaultdict(partial(array, "d")) for _ in range(2))  # packed: a bag may hold millions
-    with named(path), Reader(path) as bag:
+    with open_bag(path) as bag:
         wanted = [c for c in bag.connections if c.msgtype in (*TF, STATES)]
         if not wanted:
             topics = ", ".join(sorted(bag.topics)) or "none"

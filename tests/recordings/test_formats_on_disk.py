@@ -132,7 +132,7 @@ def test_folder_of_images(tmp_path, named):
     np.testing.assert_array_equal(back.frames, frames)
     assert back.frames_t_us.tolist() == [START_US, START_US + 1, START_US + 2] and not len(back.events)
     (folder / "0001.png").write_bytes(b"no image")
-    with pytest.raises(InputError, match=r"0001\.png is not an image"):
+    with pytest.raises(InputError, match=r"0001\.png: not an image"):
         open_recording(folder, CAMERA)
 
 

@@ -1,0 +1,87 @@
+"""Datasets of an HDF5 file from a stranger, opened only where the file itself holds all that they promise.
+
+HDF5 makes up the values of chunks that were never written, follows links into other files, and inflates a
+chunk to any size before it compares it with the one stated.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import zlib
+
+import h5py
+import hdf5plugin as hdf5plugin  # gives h5py the filter that DSEC's own files use
+import numpy as np
+
+from .limits import MAX_CHUNK_BYTES
+
+GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC = 1, 2, 3, 32_000, hdf5plugin.BLOSC_ID
+FILTERS = {GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC}  # others crash on damaged chunks: SZ and Bitshuffle did
+DEFLATE_RATIO = 1032  # the most that zlib inflates a byte to
+
+
+def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
+    """A dataset of numbers, of one of ``ndims`` dimensions, that this file holds whole.
+
+    Raises
+    ------
+    ValueError
+        For any other, named by what is wrong with it.
+    KeyError
+        If there is none of this name.
+    """
+    dataset = group[name]
+    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "iufb":
+        raise ValueError(f"{name} does not hold numbers")
+    if dataset.ndim not in ndims:
+        raise ValueError(f"{name} of shape {dataset.shape}")
+    layout = dataset.id.get_create_plist()
+    if dataset.is_virtual or layout.get_external_count() or dataset.file.filename != group.file.filename:
+        raise ValueError(f"{name} lies in another file")
+    filters = [layout.get_filter(k)[0] for k in range(layout.get_nfilters())]
+    if foreign := sorted(set(filters) - FILTERS):
+        raise ValueError(f"{name} is compressed by filter {foreign[0]}, expected gzip or Blosc")
+    if dataset.chunks is not None:
+        _check_chunks(dataset, filters)
+    elif layout.get_layout() == h5py.h5d.CONTIGUOUS and dataset.id.get_storage_size() != dataset.nbytes:
+        raise ValueError(f"{name} was never written")
+    return dataset
+
+
+def rows_at_once(dataset: h5py.Dataset, least: int) -> int:
+    """How many rows to read at a time: a chunk that holds more than ``least`` is inflated once."""
+    return max(least, dataset.chunks[0]) if dataset.chunks else least
+
+
+def _check_chunks(dataset: h5py.Dataset, filters: list[int]) -> None:
+    """ValueError unless every chunk was written, and inflates to no more than its size."""
+    nominal = math.prod(dataset.chunks) * dataset.dtype.itemsize
+    if nominal > MAX_CHUNK_BYTES:
+        raise ValueError(f"{dataset.name} in chunks of shape {dataset.chunks}")
+    expected = math.prod(-(-n // size) for n, size in zip(dataset.shape, dataset.chunks, strict=True))
+    count = dataset.id.get_num_chunks()
+    if count != expected:
+        raise ValueError(f"{dataset.name} holds {count} of {expected} chunks")
+    if not {GZIP, BLOSC} & set(filters):
+        return
+    stored = []
+    dataset.id.chunk_iter(stored.append)
+    with open(dataset.file.filename, "rb") as file:
+        for chunk in stored:
+            if not _inflates_to(file.fileno(), chunk, filters, nominal):
+                raise ValueError(f"{dataset.name} has a chunk that inflates beyond its {nominal} bytes")
+
+
+def _inflates_to(file: int, chunk, filters: list[int], nominal: int) -> bool:
+    """Whether a stored chunk inflates to at most ``nominal`` bytes, as far as that needs to be known."""
+    if BLOSC in filters:  # its header states the size that the filter allocates
+        head = os.pread(file, 8, chunk.byte_offset)
+        return len(head) < 8 or int(np.frombuffer(head, "<u4")[1]) <= nominal
+    if chunk.size * DEFLATE_RATIO <= MAX_CHUNK_BYTES:
+        return True
+    inflate = zlib.decompressobj()
+    try:
+        return len(inflate.decompress(os.pread(file, chunk.size, chunk.byte_offset), nominal + 1)) <= nominal
+    except zlib.error:
+        return chunk.filter_mask != 0

@@ -1,0 +1,29 @@
+"""What a recording may hold: beyond these limits a file is damaged or hostile, and is refused.
+
+Each is some tens of times what cameras and drivers write, and together they keep reading under a gigabyte.
+"""
+
+MAX_TIME_US = 2**60  # either way: 36 000 years; differences and sums of such times fit 64 bits
+MAX_CHUNK_BYTES = 2**28  # decompressed; ROS writes chunks of 0.8 MB, DV packets of some MB
+MAX_RECORD_BYTES = 2**26  # of a header or an index, before it is parsed; those of hour-long bags have some MB
+MAX_LINE_BYTES = 2**20  # of text; an event takes 30 and pandas holds a whole line
+MAX_IMAGE_PIXELS = 2**25  # 33 megapixels, 100 MB in RGB; a DAVIS 346 has 0.09
+MAX_IMAGE_BYTES = 2**27  # of an image file; 33 megapixels as raw RGB have 100 MB
+MAX_LIST_BYTES = 2**26  # of an image folder's list: a million images
+MAX_TRUTH_BYTES = 2**26  # of a trajectory: 600 000 poses, an hour at 170 Hz
+MAX_POSITION_M = 1e6  # a thousand kilometres
+
+
+def check_times(t_us) -> None:
+    """ValueError where a time (int, or an array of them) is beyond `MAX_TIME_US`."""
+    low, high = (t_us, t_us) if isinstance(t_us, int) else (int(t_us.min()), int(t_us.max()))
+    if low < -MAX_TIME_US or high > MAX_TIME_US:
+        raise ValueError(f"a time of {low if low < -MAX_TIME_US else high} us, beyond any clock's")
+
+
+def check_image(width: int, height: int) -> None:
+    """ValueError for an image without pixels, or with more than `MAX_IMAGE_PIXELS`."""
+    if width < 1 or height < 1 or width * height > MAX_IMAGE_PIXELS:
+        raise ValueError(
+            f"an image of {width} x {height} px; expected 1 to {MAX_IMAGE_PIXELS // 10**6} megapixels"
+        )
