@@ -1,11 +1,13 @@
 """Shared pieces of the tests: a camera, a port, poses over the whole working range."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from lmmap.provenance import DATA
 from lmmap.types import Camera, Port, Pose
 
 settings.register_profile("lmmap", deadline=None, max_examples=60, derandomize=True)
@@ -42,3 +44,13 @@ def facing_poses(draw):
     depth = draw(st.floats(0.35, 1.2))
     x, y = draw(st.floats(-0.2, 0.2)), draw(st.floats(-0.15, 0.15))
     return facing_pose(tilt, draw(angle), draw(angle), [x * depth, y * depth, depth])
+
+
+@pytest.fixture
+def compared():
+    """One quarter of the paper's table, ours twice as large with intervals, and no *certain*."""
+    table = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
+    table = table.query("training == 'low-domain-gap' and outlier_filter == 'without'")
+    return table.assign(ours=2 * table.table1, ours_low=table.table1, ours_high=3 * table.table1,
+                        printed=table.table1, printed_low=table.table1, printed_high=table.table1,
+                        fused=np.nan)  # fmt: skip

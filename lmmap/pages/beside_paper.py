@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..provenance import load_json
 from ..studies import pose_errors
-from .tables import of_accuracy
+from .tables import accuracy_table
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry"}
@@ -41,7 +41,7 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
             found[f"lights that are not the paper's ({mark})"] = _short(other)
         cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
         for training, some in cells.groupby("training"):
-            text = of_accuracy(
+            text = accuracy_table(
                 some, ("median", "in_fov", "all"), {"table1": "paper", "bench": "bench", mark: mark}
             )
             found[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")

@@ -8,7 +8,7 @@ import pytest
 from conftest import facing_pose
 
 from lmmap.geometry.projection import circle_ellipse, ideal_masks
-from lmmap.pages import sliders
+from lmmap.pages import ellipses_page, filters_page, histograms_page, sliders
 from lmmap.types import EVENT, Ellipse
 
 
@@ -21,7 +21,11 @@ def ring(camera, port):
 def test_windows_end_with_the_same_event_and_hold_as_many_as_they_say(camera, rng):
     events = np.zeros(5000, EVENT)
     events["t_us"], events["x"], events["y"] = np.arange(5000) * 10, rng.integers(346, size=5000), 7
-    steps = sliders.event_windows(events, (100, 5000), camera, lambda t_us: np.full((3, 2), t_us * 1e-3))
+
+    def outline_px(t_us):
+        return np.full((3, 2), t_us * 1e-3)
+
+    steps = histograms_page.window_steps(events, (100, 5000), camera, outline_px)
     assert [step.label for step in steps] == ["100", "5,000"]
     first_px, last_px = ([curve[1] for curve in step.curves] for step in steps)
     np.testing.assert_array_equal(first_px[1], last_px[1])
@@ -32,7 +36,7 @@ def test_windows_end_with_the_same_event_and_hold_as_many_as_they_say(camera, rn
 def test_five_drawn_points_lie_on_their_conic_and_the_answer_on_most(ring, rng):
     mask, truth = ring
     points = np.vstack([truth.points(90), rng.uniform(0, 250, (40, 2))])
-    steps = sliders.ransac_steps(mask, points, 30, rng)
+    steps = ellipses_page.ransac_steps(mask, points, 30, rng)
     assert len(steps) == 31
     counted = []
     for step in steps[:-1]:
@@ -47,7 +51,7 @@ def test_five_drawn_points_lie_on_their_conic_and_the_answer_on_most(ring, rng):
 
 def test_a_high_threshold_refuses_and_a_sensible_one_finds(ring, rng):
     mask, truth = ring
-    low, high = sliders.thresholds(mask * 0.9, [0.5, 0.95], truth, rng)
+    low, high = filters_page.threshold_steps(mask * 0.9, [0.5, 0.95], truth, rng)
     assert "no ellipse" in high.title and high.title.startswith("0 ")
     assert "100 % of the contour" in low.title and low.image.sum() > 0 == high.image.sum()
 

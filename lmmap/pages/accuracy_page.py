@@ -1,0 +1,108 @@
+"""Tables of the chapter on accuracy, from the committed tables of the study."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, wide_table
+
+GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
+
+
+def difference_counts(compared: pd.DataFrame):
+    """In how many cells our result differs from the paper's, styled: a row per metric, columns by domain gap.
+
+    A cell of `pose_errors.compare` counts as alike where the paper's value lies in our 95 % interval, and
+    otherwise as better or worse.
+    """
+    more_is_better = compared.metric == "detection_rate_percent"
+    inside = compared.table1.between(compared.ours_low, compared.ours_high)
+    better = (compared.ours > compared.table1) == more_is_better
+    judged = compared[["training"]].assign(
+        title=metric_titles(compared), verdict=np.select([inside, better], ["alike", "better"], "worse")
+    )
+    counts = judged.groupby(["title", "training", "verdict"]).size()
+    counts = counts.unstack(["training", "verdict"], fill_value=0)
+    columns = list(product(GAPS, ("better", "alike", "worse")))
+    counts = counts.reindex(index=list(WORDS.values()), columns=columns, fill_value=0)
+    return counts.rename(GAPS, axis=1).rename_axis(index=None, columns=(None, None)).style
+
+
+def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
+    """How often an image that shows the whole ring gives a pose or at least an ellipse, in percent, styled.
+
+    Parameters
+    ----------
+    answers : `error_statistics.answers` by ``training``, ``light`` and ``modality``
+    compared : `pose_errors.compare`
+    """
+    rows = {"table1": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
+    cell, cameras = ["training", "light", "modality"], ("rgb", "event")
+    counts = answers.assign(ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers"]), 0))
+    counts = counts.groupby(cell)[["ellipse", "in_view"]].sum()
+    rates = compared.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
+    rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])
+    rates = rates.reindex(index=list(product(GAPS, rows)), columns=list(product(LIGHTS, cameras)))
+    wide = rates.rename(GAPS | rows).rename(LIGHTS | CAMERAS, axis=1)
+    return wide.rename_axis(index=(None, None), columns=(None, None)).style.format(precision=1)
+
+
+def seed_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Cells of `pose_errors.summary` by ``seed``, ``light`` and ``modality``, in words."""
+    cells = table[table.variant == "exact"].assign(row="seed " + table.seed.astype(str))
+    return wide_table(cells, ("median", "in_fov"), list(cells.row.unique()))
+
+
+def saturation_table(shares: pd.DataFrame, paper_percent: np.ndarray):
+    """Shares of black and of white pixels by light, the paper's and ours, styled.
+
+    Parameters
+    ----------
+    shares
+        ``light``, black (``low``) and white (``high``) in percent, and their ``rank_correlation`` with the
+        position error.
+    paper_percent
+        The paper's black and white shares by light, (3, 2).
+    """
+    paper = pd.DataFrame(paper_percent, list(LIGHTS), ["low", "high"])
+    ours = shares.set_index("light").loc[list(LIGHTS)]
+    sources = {"paper": paper, "ours": ours}
+    columns = {(f"{word} (%)", source): percent[column]
+               for column, word in (("low", "black"), ("high", "white"))
+               for source, percent in sources.items()}  # fmt: skip
+    table = pd.DataFrame({**columns, ("rank correlation", "with the error"): ours.rank_correlation})
+    return table.rename(LIGHTS).style.format(precision=1).format("{:.2f}", table.columns[-1:].tolist())
+
+
+def coverage_table(coverage: pd.DataFrame) -> pd.DataFrame:
+    """`error_statistics.coverage` by ``modality`` and ``light``: percent, in brackets its 95 % interval."""
+    ends = zip(coverage.inside_95_percent, coverage.low, coverage.high, strict=True)
+    texts = coverage.replace({"modality": CAMERAS, "light": LIGHTS}).assign(
+        text=[f"{value:.0f} ({lower:.0f} to {upper:.0f})" for value, lower, upper in ends]
+    )
+    wide = texts.pivot(index="modality", columns="light", values="text")
+    wide = wide.reindex(index=list(CAMERAS.values()), columns=list(LIGHTS.values()))
+    return wide.rename_axis(index=None, columns=None)
+
+
+def sequence_table(table: pd.DataFrame):
+    """`error_statistics.sequence_summary` by ``sequence`` and ``modality`` in words, styled."""
+    words = {key: WORDS[key, "median"] for key in ("position_error_m", "normal_error_deg")}
+    words |= {"found_percent": WORDS["detection_rate_percent", "in_fov"],
+              "inside_95_percent": "inside the 95 % region (%)"}  # fmt: skip
+    rows = table.assign(position_error_m=1e3 * table.position_error_m, camera=table.modality.map(CAMERAS))
+    rows = rows.sort_values("sequence", kind="stable").set_index(["sequence", "camera"])[list(words)]
+    return rows.rename(columns=words).rename_axis(index=(None, None)).style.format(precision=2)
+
+
+def claims_table(claims: pd.DataFrame):
+    """`claims.claims`, styled: each reason in small letters under its claim, numbers one over the other."""
+    reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
+    rows = claims.assign(
+        claim=claims.claim + "<br><small>" + reasons + "</small>",
+        ours=claims.ours.str.replace("; ours ", "<br>ours "),
+    )
+    return sentence_table(rows.drop(columns="why"))

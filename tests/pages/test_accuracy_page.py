@@ -1,0 +1,90 @@
+"""The accuracy chapter's tables: each number where it belongs."""
+
+import re
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lmmap.pages import accuracy_page, tables
+from lmmap.studies.claims import COLUMNS
+
+
+def test_differences_are_counted(compared):
+    ends = dict(ours_low=compared.table1, ours_high=compared.table1 + 1)
+    counts = accuracy_page.difference_counts(compared.assign(ours=compared.table1 + 0.5, **ends)).data
+    assert counts["low domain gap", "alike"].tolist() == [6] * len(tables.WORDS)
+    ends = dict(ours_low=compared.table1 + 1, ours_high=compared.table1 + 3)
+    counts = accuracy_page.difference_counts(compared.assign(ours=compared.table1 + 2, **ends)).data
+    counts = counts["low domain gap"]
+    found = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
+    assert counts.better.tolist() == (6 * found).tolist() and counts.worse.tolist() == (6 * ~found).tolist()
+
+
+def test_an_ellipse_without_markers_is_found_as_the_paper_counts(compared):
+    cells = compared[["training", "light", "modality"]].drop_duplicates()
+    answers = cells.merge(
+        pd.DataFrame({"status": ["ok", "no_markers", "no_ring"], "in_view": [5, 4, 1]}), "cross"
+    )
+    rates = accuracy_page.detection_rates(answers, compared).data["low light", "frames"].loc["low domain gap"]
+    paper = compared.query("light == 'low' and modality == 'rgb' and statistic == 'in_fov'").table1.item()
+    assert rates.tolist() == pytest.approx([paper, 2 * paper, 90])
+
+
+def test_sequences_stand_by_name_with_their_cameras_together():
+    rows = [(f"test-low-{k}", m, 1e-3 * (k + 1), k, 99, 90) for m in tables.CAMERAS for k in range(2)]
+    names = [
+        "sequence",
+        "modality",
+        "position_error_m",
+        "normal_error_deg",
+        "found_percent",
+        "inside_95_percent",
+    ]
+    table = accuracy_page.sequence_table(pd.DataFrame(rows, columns=names)).data
+    assert table.index.tolist() == list(product(["test-low-0", "test-low-1"], tables.CAMERAS.values()))
+    assert table.loc[("test-low-1", "fused")].tolist() == [2, 1, 99, 90]
+
+
+def test_seeds_stand_one_under_the_other():
+    cells = product(range(3), ("low", "medium", "high"), ("rgb", "event"), tables.WORDS, ("exact", "printed"))
+    rows = [(*at, metric, statistic, variant, 1e-3 * (k + 1), 1e-3 * k, 1e-3 * (k + 2))
+            for k, (*at, (metric, statistic), variant) in enumerate(cells)]  # fmt: skip
+    names = ["seed", "light", "modality", "metric", "statistic", "variant", "value", "low", "high"]
+    table = pd.DataFrame(rows, columns=names)
+    wide = accuracy_page.seed_table(table)
+    assert wide.shape == (4 * 3, 3 * 2) and wide.notna().all(axis=None)
+    one = table.query("seed == 2 and light == 'high' and modality == 'event' and variant == 'exact'")
+    one = one.query("metric == 'position_error_m' and statistic == 'median'")
+    mm = 1e3 * one[["value", "low", "high"]].to_numpy()[0]
+    text = wide.loc[("position (mm)", "seed 2"), ("high light", "events")]
+    assert [float(part) for part in re.findall(r"[0-9.]+", text)] == pytest.approx(mm, rel=0.005)
+
+
+def test_coverage_by_hand():
+    rows = [("high", "event", 91.4, 85.0, 97.6), ("low", "rgb", 72.0, 72.0, 72.0)]
+    covered = pd.DataFrame(rows, columns=["light", "modality", "inside_95_percent", "low", "high"])
+    table = accuracy_page.coverage_table(covered)
+    assert table.loc["events", "high light"] == "91 (85 to 98)"
+    assert table.notna().sum().sum() == 2 and table.shape == (3, 3)
+
+
+def test_saturation_stands_beside_the_papers():
+    rows = [("high", 3.0, 30.0, 0.3), ("low", 1.0, 10.0, 0.1), ("medium", 2.0, 20.0, 0.2)]
+    shares = pd.DataFrame(rows, columns=["light", "low", "high", "rank_correlation"])
+    table = accuracy_page.saturation_table(shares, np.arange(6).reshape(3, 2)).data
+    assert table.loc["medium light"].tolist() == [2, 2, 3, 20, 0.2]
+    assert table.columns.get_level_values(1).tolist() == ["paper", "ours", "paper", "ours", "with the error"]
+
+
+def test_claims_lose_no_column():
+    claims = pd.DataFrame(
+        [["It is so", "1 | 2", "printed 3; 4; ours 5; 6", "holds", "a `rule`"]], columns=COLUMNS
+    )
+    page = tables.to_html(accuracy_page.claims_table(claims))
+    assert all(
+        part in page
+        for part in ("It is so", "a <code>rule</code>", "1 | 2", "printed 3; 4<br>ours 5; 6", "holds")
+    )
+    assert "why" not in tables.to_text(accuracy_page.claims_table(claims))
