@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..files import CAMERA, atomic, beside, regular_file
 from ..types import Camera, InputError, Recording
-from . import aedat4, hdf5, images, rosbag, text
+from . import aedat4, hdf5, images, pictures, prophesee, rosbag, rosbag2, sensors, tables, text
 from .health import health
 from .pose_files import (
     read_estimates,
@@ -24,7 +24,7 @@ from .pose_files import (
     write_estimates,
     write_trajectory,
 )
-from .stream import Stream, checked_events, checked_frames
+from .stream import Source, Stream, checked_events, checked_frames
 
 __all__ = [
     "FORMATS",
@@ -44,16 +44,19 @@ __all__ = [
 DAVIS346_PX = (346, 260)
 
 
-def open_recording(path, camera: Camera | str | Path | None = None) -> Recording:
+def open_recording(path, camera: Camera | str | Path | None = None, *, fps: float | None = None) -> Recording:
     """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
 
-    ``camera`` (or a calibration file) wins over ``NAME.camera.json``.  Without either, a recording of
-    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.
+    ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
+    ``NAME.camera.json``.  Without either, a recording of 346 x 260 px gets the nominal DAVIS 346 camera, with
+    a warning.  ``fps`` is the rate of a folder of pictures that have no times.
     """
-    return open_stream(path, camera).collect()
+    return open_stream(path, camera, fps=fps).collect()
 
 
-def open_stream(path, camera: Camera | str | Path | None = None, *, checked: bool = True) -> Stream:
+def open_stream(
+    path, camera: Camera | str | Path | None = None, *, checked: bool = True, fps: float | None = None
+) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 
     Faults in the data are raised when they are met, or with ``checked=False`` never.
@@ -64,7 +67,9 @@ def open_stream(path, camera: Camera | str | Path | None = None, *, checked: boo
     kind = "folder" if path.is_dir() else path.suffix.lower()
     if kind not in READERS:
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
-    source = READERS[kind](path)
+    if fps is not None and kind != "folder":
+        raise InputError(f"{path}: --fps {fps:g} is for a folder of pictures; leave it out")
+    source = READERS[kind](path) if fps is None else pictures.read_numbered(path, fps)
     camera = _camera(path, source.size_px, camera)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
@@ -80,9 +85,11 @@ def _camera(path: Path, size_px, camera) -> Camera:
         return Camera.davis346()
     if camera is None:
         size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
+        if size_px and (cameras := sensors.of_size(size_px)):
+            size += f" (as of {cameras})"
         raise InputError(f"{path}: no calibration for {size}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
-    camera = camera if isinstance(camera, Camera) else Camera.load(camera)
+    camera = camera if isinstance(camera, Camera) else sensors.camera_of(camera) or Camera.load(camera)
     if size_px is not None and camera.size_px != size_px:
         raise InputError(
             f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "
@@ -125,12 +132,25 @@ WRITERS = {
     ".h5": hdf5.write,
     ".hdf5": hdf5.write,
 }
+
+
+def _read_folder(path: Path) -> Source:
+    """A ROS 2 bag, or images and their times."""
+    return rosbag2.read(path) if (path / rosbag2.METADATA).exists() else images.read_folder(path)
+
+
 FORMATS = (  # what it is, how its name ends, its reader
     ("AEDAT4 of iniVation's DV", (".aedat4",), aedat4.read),
     ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), rosbag.read),
-    ("HDF5 in the layouts of DSEC (ours too) and MVSEC", (".h5", ".hdf5"), hdf5.read),
+    ("ROS 2 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".mcap", ".db3"), rosbag2.read),
+    ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
+    ("Prophesee DAT", (".dat",), prophesee.read_dat),
+    ("HDF5 in the layouts of DSEC (ours too), MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
     ("events as text, t x y p", (".txt",), text.read),
-    ("images with timestamps.txt or images.txt", ("folder",), images.read_folder),
+    ("events as a table with named columns", (".csv",), tables.read_csv),
+    ("events as a structured array of numpy", (".npy",), tables.read_npy),
+    ("images with timestamps.txt or images.txt, or a ROS 2 bag", ("folder",), _read_folder),
+    ("one picture", (".png", ".jpg", ".jpeg"), pictures.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}

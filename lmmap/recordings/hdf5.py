@@ -11,6 +11,7 @@ import numpy as np
 
 from ..pipeline.histograms import from_columns
 from ..types import Recording
+from . import prophesee
 from .hdf5_datasets import open_dataset, rows_at_once
 from .limits import MAX_CHUNK_BYTES, MAX_TIME_US, check_image
 from .stream import CHUNK, Source, input_errors, pieces
@@ -21,6 +22,7 @@ def read(path: Path) -> Source:
 
     DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``.  MVSEC: ``davis/left/events`` with rows
     x, y, seconds, polarity, and ``image_raw`` with ``image_raw_ts``.
+    Prophesee: ``CD/events`` with fields x, y, p, t.
     """
     with _file_errors(path), h5py.File(path, "r") as file:
         if "events/t" in file:
@@ -34,7 +36,10 @@ def read(path: Path) -> Source:
             size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
             frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts")
             return Source(path, size_px, partial(_mvsec, path), frames)
-        raise ValueError("neither events/t nor davis/left in it")
+        if prophesee.HDF5_EVENTS in file:
+            events = partial(_prophesee, path)
+            return Source(path, prophesee.hdf5_size_px(file), events, span_us=prophesee.hdf5_span_us(file))
+        raise ValueError("neither events/t nor davis/left nor CD/events in it")
 
 
 def _stated_size_px(file: h5py.File) -> tuple[int, int] | None:
@@ -75,6 +80,11 @@ def _mvsec(path: Path) -> Iterator[np.ndarray]:
         for i in range(0, len(rows), step):
             x, y, t, p = rows[i : i + step].T
             yield from pieces(from_columns(t, x, y, p, seconds=True), CHUNK)
+
+
+def _prophesee(path: Path) -> Iterator[np.ndarray]:
+    with _file_errors(path), h5py.File(path, "r") as file:
+        yield from prophesee.hdf5_events(file)
 
 
 def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[int, np.ndarray]]:

@@ -22,7 +22,7 @@ DEFLATE_RATIO = 1032  # the most that zlib inflates a byte to
 
 
 def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
-    """A dataset of numbers, of one of ``ndims`` dimensions, that this file holds whole.
+    """A dataset of numbers or of records of them, of one of ``ndims`` dimensions, which this file holds.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
         If there is none of this name.
     """
     dataset = group[name]
-    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "iufb":
+    if not isinstance(dataset, h5py.Dataset) or not _holds_numbers(dataset.dtype):
         raise ValueError(f"{name} does not hold numbers")
     if dataset.ndim not in ndims:
         raise ValueError(f"{name} of shape {dataset.shape}")
@@ -47,6 +47,10 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
     elif layout.get_layout() == h5py.h5d.CONTIGUOUS and dataset.id.get_storage_size() != dataset.nbytes:
         raise ValueError(f"{name} was never written")
     return dataset
+
+
+def _holds_numbers(kind: np.dtype) -> bool:
+    return all(kind[name].kind in "iufb" for name in kind.names) if kind.names else kind.kind in "iufb"
 
 
 def rows_at_once(dataset: h5py.Dataset, least: int) -> int:

@@ -27,7 +27,7 @@ def read_folder(path: Path) -> Source:
     """
     with _folder_errors(path):
         names, t_us = _listed(path)
-        size_px = _image(names[0]).shape[1::-1]
+        size_px = read_image(names[0]).shape[1::-1]
     event_file = path / "events.txt"
     events = partial(text.events, event_file) if event_file.exists() else no_events
     frames = partial(_folder_frames, path, names, t_us)
@@ -53,7 +53,7 @@ def _listed(path: Path) -> tuple[list[Path], list[int]]:
 def _folder_frames(path: Path, names: list[Path], t_us: list[int]):
     with _folder_errors(path):
         for name, frame_us in zip(names, t_us, strict=True):
-            yield frame_us, _image(name)
+            yield frame_us, read_image(name)
 
 
 def _folder_errors(path: Path):
@@ -61,7 +61,8 @@ def _folder_errors(path: Path):
     return input_errors(path, "not a folder of images", remedy, (cv2.error,))
 
 
-def _image(path: Path) -> np.ndarray:
+def read_image(path: Path) -> np.ndarray:
+    """The image (H, W, 3) u8 RGB of a file; ValueError, with its name, where it holds none."""
     try:
         return decode(regular_file(path, MAX_IMAGE_BYTES).read_bytes())
     except ValueError as error:

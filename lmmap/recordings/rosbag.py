@@ -55,8 +55,8 @@ TO_RGB = {
 def read(path: Path) -> Source:
     """The first topic of each kind; raises `InputError`."""
     with open_bag(path) as bag:
-        arrays = _topic(bag, path, _is_events)
-        images = _topic(bag, path, IMAGES.__contains__)
+        arrays = first_topic(bag, path, _is_events)
+        images = first_topic(bag, path, IMAGES.__contains__)
         if not arrays and not images:
             raise ValueError(f"no dvs_msgs/EventArray and no image in {len(bag.topics)} topics")
         arrays, images = (topic if any(c.msgcount for c in topic) else [] for topic in (arrays, images))
@@ -94,7 +94,7 @@ def _frames(path: Path):
 def _messages(bag: Reader, path: Path, wanted):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when the file was opened
-        connections = _topic(bag, path, wanted)
+        connections = first_topic(bag, path, wanted)
     return bag.messages(connections) if connections else iter(())  # of no connection means of all
 
 
@@ -105,7 +105,7 @@ def _is_events(kind: str) -> bool:
 def _image(raw: bytes, connection) -> tuple[int, np.ndarray]:
     message = STORE.deserialize_ros1(raw, connection.msgtype)
     stamp = message.header.stamp
-    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, _rgb(message)
+    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000, rgb(message)
 
 
 @contextmanager
@@ -176,7 +176,7 @@ def _file_errors(path: Path):
     return input_errors(path, "cannot read this bag", remedy, ERRORS)
 
 
-def _topic(bag: Reader, path: Path, wanted) -> list:
+def first_topic(bag: Reader, path: Path, wanted) -> list:
     """Connections of the first topic whose type is ``wanted``; a warning names the others."""
     connections = sorted((c for c in bag.connections if wanted(c.msgtype)), key=lambda c: c.topic)
     if skipped := sorted({c.topic for c in connections} - {c.topic for c in connections[:1]}):
@@ -216,7 +216,7 @@ def _fields(definition: str) -> list[tuple[str, str]]:
     ]
 
 
-def _rgb(message) -> np.ndarray:
+def rgb(message) -> np.ndarray:
     if hasattr(message, "format"):
         return decode(bytes(message.data))
     if message.encoding not in TO_RGB:

@@ -104,14 +104,22 @@ def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Excep
 
 
 def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:
-    """The same events in chunks of at least ``count``, but for the last: files come in packets of a few."""
+    """The same events in chunks of at least ``count``, but for the last: files come in packets of a few.
+
+    Where the batches end in an error, the events before it come before it.
+    """
     waiting, size = [], 0
-    for batch in batches:
-        waiting.append(batch)
-        size += len(batch)
-        if size >= count:
-            yield joined(waiting) if waiting[1:] else batch
-            waiting, size = [], 0
+    try:
+        for batch in batches:
+            waiting.append(batch)
+            size += len(batch)
+            if size >= count:
+                yield joined(waiting) if waiting[1:] else batch
+                waiting, size = [], 0
+    except Exception:
+        if size:
+            yield joined(waiting)
+        raise
     if size:
         yield joined(waiting)
 

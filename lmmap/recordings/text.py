@@ -24,7 +24,7 @@ def events(path: Path) -> Iterator[np.ndarray]:
     remedy = "expected lines 't x y p' with t in seconds, or in whole microseconds"
     with input_errors(path, "not events as text", remedy), path.open("rb") as file:
         columns = ["t", "x", "y", "p", "more"]
-        tables = pd.read_csv(_ShortLines(file), sep=r"\s+", header=None, comment="#", index_col=False,
+        tables = pd.read_csv(ShortLines(file), sep=r"\s+", header=None, comment="#", index_col=False,
                              chunksize=CHUNK, names=columns)  # fmt: skip
         time_kind = None
         for table in tables:
@@ -37,7 +37,7 @@ def events(path: Path) -> Iterator[np.ndarray]:
             yield from_columns(*(table[name].to_numpy() for name in "txyp"), seconds=kind == "f")
 
 
-class _ShortLines:
+class ShortLines:
     """A file whose blocks are checked for line ends: pandas would hold a line of gigabytes in memory."""
 
     def __init__(self, file):

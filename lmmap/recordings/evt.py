@@ -1,0 +1,174 @@
+"""Words of event cameras as events: Prophesee's EVT2, EVT2.1 and EVT3, and the codecs of event_camera_msgs.
+
+The layouts are those of Prophesee's published "encoding formats" and of the ROS package event_camera_codecs.
+A decoder is fed runs of words in the order of the stream and keeps between them what later words refer to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..pipeline.histograms import from_columns
+from ..types import EVENT
+
+
+def _latest(is_set: np.ndarray, values: np.ndarray, before) -> np.ndarray:
+    """At each word (N,), the value of the latest word that sets it; ``before`` where none has."""
+    index = np.maximum.accumulate(np.where(is_set, np.arange(1, len(values) + 1), 0))
+    return np.concatenate([[before], values])[index]
+
+
+def _set_bits(masks: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and bit numbers of the ``count`` lowest bits that are set in masks (N,), in the order of rows."""
+    return np.nonzero((masks[:, None] >> np.arange(count, dtype=masks.dtype)) & masks.dtype.type(1))
+
+
+class HighTime:
+    """High part of the time, of ``bits`` bits, that the stream repeats and that rolls over."""
+
+    def __init__(self, bits: int):
+        self.period, self.last = 1 << bits, None
+
+    def unrolled(self, highs: np.ndarray) -> np.ndarray:
+        """The high parts (N,) without roll-over: a step by more than half the period is one."""
+        if not len(highs):
+            return highs.astype(np.int64)
+        before = highs[0] if self.last is None else self.last
+        values = np.unwrap(np.concatenate([[before], highs]).astype(np.int64), period=self.period)[1:]
+        self.last = int(values[-1])
+        return values
+
+
+class Evt2:
+    """EVT2: words of 32 bit, an event each."""
+
+    word = np.dtype("<u4")
+
+    def __init__(self):
+        self.high = HighTime(28)
+
+    def events(self, words: np.ndarray) -> np.ndarray:
+        """Events (M,) EVENT of words (N,); those before the first time are dropped."""
+        kind = words >> 28
+        last = self.high.last
+        sets_time = kind == 8
+        highs = self.high.unrolled(words[sets_time] & 0xFFF_FFFF)
+        high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
+        is_event = (kind <= 1) & (high >= 0)
+        w = words[is_event]
+        t_us = high[is_event] << 6 | (w >> 22 & 0x3F).astype(np.int64)
+        return from_columns(t_us, w >> 11 & 0x7FF, w & 0x7FF, w >> 28 == 1)
+
+
+class Evt21:
+    """EVT2.1: words of 64 bit, up to 32 events of a row each.
+
+    ``legacy``: each word's high half comes first, as the IMX636 sends it.
+    """
+
+    word = np.dtype("<u8")
+
+    def __init__(self, legacy: bool = False):
+        self.high, self.legacy = HighTime(28), legacy
+
+    def events(self, words: np.ndarray) -> np.ndarray:
+        """Events (M,) EVENT of words (N,); those before the first time are dropped."""
+        if self.legacy:
+            words = words << np.uint64(32) | words >> np.uint64(32)
+        upper, valid = (words >> np.uint64(32)).astype(np.uint32), words.astype(np.uint32)
+        kind = upper >> 28
+        last = self.high.last
+        sets_time = kind == 8
+        highs = self.high.unrolled(upper[sets_time] & 0xFFF_FFFF)
+        high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
+        is_event = (kind <= 1) & (high >= 0)
+        w, high, (row, bit) = upper[is_event], high[is_event], _set_bits(valid[is_event], 32)
+        t_us = high << 6 | (w >> 22 & 0x3F).astype(np.int64)
+        return from_columns(t_us[row], (w >> 11 & 0x7FF)[row] + bit, (w & 0x7FF)[row], (w >> 28 == 1)[row])
+
+
+def _at(where: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (M,) at the M places where (N,) is true, zero elsewhere."""
+    spread = np.zeros(len(where), np.int64)
+    spread[where] = values
+    return spread
+
+
+@dataclass(frozen=True)
+class Codes16:
+    """Kinds of a 16-bit word by its upper 4 bits; ``line`` is the coordinate that single events and vectors
+    share: y if ``line_is_y``, else x."""
+
+    line: int
+    single: int
+    base: int
+    vector_12: int
+    vector_8: int
+    time_low: int
+    time_high: int
+    line_is_y: bool
+
+
+EVT3 = Codes16(0, 2, 3, 4, 5, 6, 8, True)
+LIBCAER_CMP = Codes16(2, 3, 4, 6, 5, 1, 0, False)
+
+
+class Evt3:
+    """EVT3, and libcaer_cmp that is built alike: words of 16 bit, of which many make an event."""
+
+    word = np.dtype("<u2")
+
+    def __init__(self, codes: Codes16 = EVT3):
+        self.codes, self.high = codes, HighTime(12)
+        self.low = self.line = -1
+        self.base = self.polarity = 0
+
+    def start_at_zero(self) -> None:
+        """The next run counts its time from zero, as each packet of libcaer_cmp does."""
+        self.high.last = self.low = 0
+
+    def events(self, words: np.ndarray) -> np.ndarray:
+        """Events (M,) EVENT of words (N,); those before the first time and the first line are dropped."""
+        c, kind, value = self.codes, words >> 12, (words & 0xFFF).astype(np.int64)
+        if not len(words):
+            return np.zeros(0, EVENT)
+        t_us = self._times_us(kind, value)
+        line = _latest(kind == c.line, value & 0x7FF, self.line)
+        is_base = kind == c.base
+        length = 12 * (kind == c.vector_12) + 8 * (kind == c.vector_8)
+        passed = np.cumsum(length) - length  # coordinates passed by the vectors before each word
+        base = _latest(is_base, (value & 0x7FF) - passed, self.base) + passed
+        polarity = _latest(is_base, value >> 11, self.polarity)
+        self.line, self.polarity = int(line[-1]), int(polarity[-1])
+        self.base = int(base[-1] + length[-1])
+
+        is_single = kind == c.single
+        place, on = np.where(is_single, value & 0x7FF, base), np.where(is_single, value >> 11, polarity)
+        mask = np.where(is_single, 1, value & (1 << length) - 1)
+        is_event = (is_single | (length > 0)) & (t_us >= 0) & (line >= 0)
+        row, bit = _set_bits(mask[is_event], 12)
+        place, line = place[is_event][row] + bit, line[is_event][row]
+        x, y = (place, line) if c.line_is_y else (line, place)
+        return from_columns(t_us[is_event][row], x, y, on[is_event][row] == 1)
+
+    def _times_us(self, kind: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """Time (N,) at each word, -1 before both parts of it are known."""
+        sets_high, sets_low = kind == self.codes.time_high, kind == self.codes.time_low
+        last = self.high.last
+        highs = _at(sets_high, self.high.unrolled(value[sets_high]))
+        high = _latest(sets_high, highs, -1 if last is None else last)
+        # a low part without a high part before it says nothing
+        low = _latest(sets_low & (high >= 0), value, self.low)
+        self.low = int(low[-1])
+        return np.where((high >= 0) & (low >= 0), high << 12 | low, -1)
+
+
+MONO = np.dtype([("ns", "<u4"), ("x", "<u2"), ("y", "<u2")])  # the highest bit of y is the polarity
+
+
+def mono(e: np.ndarray, time_base_ns: int) -> np.ndarray:
+    """Events (M,) EVENT of records (M,) `MONO`, the codec "mono"."""
+    t_us = (e["ns"].astype(np.int64) + (time_base_ns + 500)) // 1000
+    return from_columns(t_us, e["x"], e["y"] & 0x7FFF, e["y"] >> 15 == 1)

@@ -1,0 +1,153 @@
+"""Recordings of Prophesee's cameras: RAW files of EVT2, EVT2.1 or EVT3, DAT, and their layout of HDF5."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from ..files import regular_file
+from ..pipeline.histograms import from_columns
+from .evt import Evt2, Evt3, Evt21, HighTime
+from .hdf5_datasets import open_dataset, rows_at_once
+from .stream import CHUNK, Source, in_chunks, input_errors, pieces
+
+PIECE = 1 << 18  # bytes decoded at once
+MAX_HEADER = 1 << 16  # bytes; real headers have a few hundred
+DECODERS = {"EVT2": Evt2, "EVT21": Evt21, "EVT3": Evt3}
+HDF5_EVENTS = "CD/events"
+ECF = 0x8ECF  # number of the compression that Prophesee's software writes
+DAT_TYPES = (0x00, 0x0C)  # generic events, contrast detection
+
+
+def read_raw(path: Path) -> Source:
+    """Events of a RAW file, in the camera's own time; raises `InputError`.
+
+    The sensor's size is the header's, where it has one (before 2022 not all have).
+    """
+    with _file_errors(path):
+        fields, start = _header(path)
+        _decoder(fields)
+    return Source(path, _size_px(fields), partial(_raw, path, fields, start))
+
+
+def read_dat(path: Path) -> Source:
+    """Events of a DAT file, version 2; raises `InputError`."""
+    with _file_errors(path):
+        fields, start = _header(path)
+        if fields.get("version", "2") != "2":
+            raise ValueError(f"DAT of version {fields['version']}, expected 2")
+        with path.open("rb") as file:
+            file.seek(start)
+            kind, size = file.read(2).ljust(2, b"\0")
+        if kind not in DAT_TYPES or size != 8:
+            raise ValueError(f"events of type {kind} and {size} bytes, expected contrast events of 8 bytes")
+    return Source(path, _size_px(fields), partial(_dat, path, start + 2))
+
+
+def _raw(path: Path, fields: dict[str, str], start: int):
+    with _file_errors(path):
+        decoder = _decoder(fields)
+        yield from in_chunks(decoder.events(words) for words in _words(path, start, decoder.word))
+
+
+def _dat(path: Path, start: int):
+    record, time = np.dtype([("t", "<u4"), ("xyp", "<u4")]), HighTime(32)
+
+    def events(e: np.ndarray) -> np.ndarray:
+        xyp = e["xyp"]
+        return from_columns(time.unrolled(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
+
+    with _file_errors(path):
+        yield from in_chunks(events(e) for e in _words(path, start, record))
+
+
+def _words(path: Path, start: int, word: np.dtype):
+    """Words of a file in runs; ValueError, after all that are whole, where it ends inside one."""
+    with path.open("rb") as file:
+        file.seek(start)
+        while piece := file.read(PIECE):
+            whole = len(piece) // word.itemsize
+            yield np.frombuffer(piece, word, whole)
+            if rest := len(piece) - whole * word.itemsize:
+                raise ValueError(f"it ends {rest} bytes into a word of {word.itemsize}")
+
+
+def _header(path: Path) -> tuple[dict[str, str], int]:
+    """Keywords of the lines that begin with "% ", in lower case, and where the data begin."""
+    with regular_file(path).open("rb") as file:
+        head = file.read(MAX_HEADER)
+    fields, at = {}, 0
+    while head[at : at + 2] == b"% " and (end := head.find(b"\n", at)) >= 0:
+        key, _, value = head[at + 2 : end].decode("latin-1").strip().partition(" ")
+        at = end + 1
+        if key.lower() == "end":
+            break
+        fields[key.lower()] = value.strip()
+    if not fields:
+        raise ValueError("no header of lines that begin with '% '")
+    return fields, at
+
+
+def _decoder(fields: dict[str, str]) -> Evt2 | Evt21 | Evt3:
+    name, _, more = fields.get("format", "").partition(";")
+    if not name:
+        name = "EVT" + fields.get("evt", "?").removesuffix(".0").replace(".", "")
+    if name not in DECODERS:
+        raise ValueError(f"events encoded as {name}, expected one of {', '.join(DECODERS)}")
+    options = _options(more)
+    if options.get("endianness") == "big":
+        raise ValueError("words in big-endian order")
+    return Evt21(options.get("endianness") == "legacy") if name == "EVT21" else DECODERS[name]()
+
+
+def _options(text: str) -> dict[str, str]:
+    return dict(part.split("=", 1) for part in text.split(";") if "=" in part)
+
+
+def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
+    """Width and height, from any of the ways in which headers say them."""
+    options = _options(fields.get("format", ""))
+    if geometry := re.fullmatch(r"(\d+)x(\d+)", fields.get("geometry", "")):
+        return int(geometry[1]), int(geometry[2])
+    width, height = (options.get(n) or fields.get(n) or "" for n in ("width", "height"))
+    return (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+
+
+def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:
+    """Chunks of events of the data set ``CD/events``; ValueError where it cannot be read."""
+    rows = _rows(file)
+    step = rows_at_once(rows, CHUNK)
+    for i in range(0, len(rows), step):
+        e = rows[i : i + step]
+        yield from pieces(from_columns(*(e[name] for name in "txyp")), CHUNK)
+
+
+def hdf5_span_us(file: h5py.File) -> tuple[int, int] | None:
+    """Time of the first and of the last event."""
+    rows = _rows(file)
+    return (int(rows[0]["t"]), int(rows[len(rows) - 1]["t"])) if len(rows) else None
+
+
+def hdf5_size_px(file: h5py.File) -> tuple[int, int] | None:
+    """Width and height from the attribute ``geometry``."""
+    return _size_px({"geometry": str(file.attrs.get("geometry", ""))})
+
+
+def _rows(file: h5py.File) -> h5py.Dataset:
+    layout = file[HDF5_EVENTS].id.get_create_plist()
+    if ECF in (layout.get_filter(k)[0] for k in range(layout.get_nfilters())):
+        raise ValueError("compressed by Prophesee's ECF, which is not read here: export the recording as RAW")
+    rows = open_dataset(file, HDF5_EVENTS, 1)
+    if not {*"txyp"} <= set(rows.dtype.names or ()):
+        raise ValueError(f"CD/events of type {rows.dtype}, expected fields t, x, y, p")
+    return rows
+
+
+def _file_errors(path: Path):
+    remedy = "copy it again, or export it as RAW, DAT or HDF5"
+    return input_errors(path, "not a recording of Prophesee's", remedy)

@@ -1,0 +1,111 @@
+"""Events as a table with named columns: a CSV with a header, or a structured array in ``.npy``.
+
+Columns are found by the names that people use.  The unit of time is what its name states, as in ``t_us``,
+``timestamp (ns)`` or ``time [s]``; without one, whole numbers are microseconds and others seconds, as they
+are in text.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..files import regular_file
+from ..pipeline.histograms import from_columns
+from .stream import CHUNK, Source, input_errors, pieces
+from .text import ShortLines
+
+SPELLINGS = {
+    "t": r"(?:t|ts|time|timestamp|timestamps)(?:[ _]*[\[( _](?P<unit>s|sec|seconds|ms|us|µs|μs|ns)[\])]?)?",
+    "x": r"(?:x|col|column|u)(?:@(?P<size>\d+))?",
+    "y": r"(?:y|row|v)(?:@(?P<size>\d+))?",
+    "p": r"(?:p|pol|polarity|on)",
+}
+NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
+               "µs": 1000, "μs": 1000}  # fmt: skip
+
+
+def read_csv(path: Path) -> Source:
+    """Events of a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the sensor's size."""
+    with _table_errors(path), regular_file(path).open("rb") as file:
+        names = list(pd.read_csv(ShortLines(file), nrows=0, comment="#").columns)
+        columns, unit, size_px = _columns(names)
+    next(_csv(path, columns, unit), None)  # what is no table is refused now
+    return Source(path, size_px, partial(_csv, path, columns, unit))
+
+
+def read_npy(path: Path) -> Source:
+    """Events of a structured array; raises `InputError`.  Nothing in the file is executed."""
+    with _table_errors(path):
+        array = _npy(path)
+        columns, unit, size_px = _columns(array.dtype.names or ())
+    return Source(path, size_px, partial(_npy_events, path, columns, unit))
+
+
+def _csv(path: Path, columns: dict[str, str], unit: str | None):
+    with _table_errors(path), path.open("rb") as file:
+        kind = None
+        for table in pd.read_csv(
+            ShortLines(file), comment="#", index_col=False, chunksize=CHUNK, on_bad_lines="error"
+        ):
+            values = {key: table[name].to_numpy() for key, name in columns.items()}
+            if any(v.dtype.kind not in "biuf" for v in values.values()):
+                raise ValueError("a line does not hold numbers")
+            if kind not in (None, kind := values["t"].dtype.kind) and unit is None:
+                raise ValueError("times with and without a decimal point")
+            yield _events(values, unit)
+
+
+def _npy(path: Path) -> np.ndarray:
+    array = np.load(regular_file(path), mmap_mode="r", allow_pickle=False)
+    if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.names is None:
+        raise ValueError("not a structured array of one dimension")
+    return array
+
+
+def _npy_events(path: Path, columns: dict[str, str], unit: str | None):
+    with _table_errors(path):
+        for piece in pieces(_npy(path), CHUNK):
+            yield _events({key: np.array(piece[name]) for key, name in columns.items()}, unit)
+
+
+def _columns(names) -> tuple[dict[str, str], str | None, tuple[int, int] | None]:
+    """Which column is t, x, y and p; the unit of t and the sensor's size where the names state them."""
+    columns, stated = {}, {}
+    for key, spelling in SPELLINGS.items():
+        matches = [(n, m) for n in names if (m := re.fullmatch(spelling, str(n).strip().lower()))]
+        if len(matches) != 1:
+            problem = "no column" if not matches else "more than one column"
+            raise ValueError(f"{problem} for {key} among {', '.join(map(str, names)) or 'none'}")
+        columns[key], stated[key] = matches[0][0], matches[0][1].groupdict()
+    width, height = stated["x"]["size"], stated["y"]["size"]
+    return columns, stated["t"]["unit"], (int(width), int(height)) if width and height else None
+
+
+def _events(values: dict[str, np.ndarray], unit: str | None) -> np.ndarray:
+    t = values["t"]
+    if t.dtype.kind not in "iuf":
+        raise ValueError(f"times of type {t.dtype}")
+    seconds = t.dtype.kind == "f" and unit in (None, "s", "sec", "seconds")
+    if not seconds and unit is not None:
+        t = _microseconds(t, NANOSECONDS[unit])
+    return from_columns(t, values["x"], values["y"], values["p"], seconds=seconds)
+
+
+def _microseconds(t: np.ndarray, unit_ns: int) -> np.ndarray:
+    """Times in microseconds, of whole numbers exactly, rounded where they have more digits."""
+    if t.dtype.kind == "f":
+        return np.rint(t * (unit_ns / 1000))
+    if len(t) and max(-int(t.min()), int(t.max())) > 2**62 // max(unit_ns // 1000, 1):
+        raise ValueError("a time does not fit 64 bit of microseconds")
+    t = t.astype(np.int64)
+    return t * (unit_ns // 1000) if unit_ns >= 1000 else (t + 500) // 1000
+
+
+def _table_errors(path: Path):
+    remedy = "expected columns named t, x, y and p, with t in us or with its unit, such as t_ns"
+    return input_errors(path, "not a table of events", remedy)
