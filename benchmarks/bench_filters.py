@@ -13,8 +13,9 @@ import plain
 import torch
 
 from lmmap.pipeline.estimator import Estimator, markers_box_px
-from lmmap.pipeline.network import FILTERS, PRECISIONS, best_precision
+from lmmap.pipeline.network import PRECISIONS, best_precision
 from lmmap.pipeline.run import images
+from lmmap.pipeline.weights import FILTERS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS

@@ -18,9 +18,12 @@ import cv2
 import numpy as np
 from skimage.measure import EllipseModel, ransac
 
-from lmmap.geometry import projection
-from lmmap.geometry.projection import project, rotation_between_rad, rotation_z
+from lmmap.geometry import conics
+from lmmap.geometry.port import ideal_masks
+from lmmap.geometry.projection import project
+from lmmap.geometry.rotations import rotation_between_rad, rotation_z
 from lmmap.pipeline import circle, ellipse, yaw
+from lmmap.pipeline.ring import skeleton_points
 from lmmap.refinement import contour
 from lmmap.settings import OURS
 from lmmap.types import Camera, Ellipse, Port, Pose
@@ -58,7 +61,7 @@ def tilted_pose(tilt_rad=np.pi / 6, azimuth_rad=0.0, yaw_rad=0.35, position_m=(0
 
 
 def soft_masks(T: Pose, rng) -> np.ndarray:
-    masks = [cv2.GaussianBlur(m, (0, 0), 0.8) for m in projection.ideal_masks(T, PORT, CAMERA)]
+    masks = [cv2.GaussianBlur(m, (0, 0), 0.8) for m in ideal_masks(T, PORT, CAMERA)]
     return (np.stack(masks) + 0.03 * rng.standard_normal((2, 260, 346))).clip(0, 1).astype(np.float32)
 
 
@@ -98,7 +101,7 @@ def yaw_errors_deg(trials: int = 120) -> np.ndarray:
     for _ in range(trials):
         tilt, azimuth, turn = np.deg2rad(rng.uniform(8, 55)), *rng.uniform(0, 2 * np.pi, 2)
         T = tilted_pose(tilt, azimuth, turn, rng.uniform([-0.06, -0.05, 0.4], [0.06, 0.05, 0.8]))
-        pair = circle.poses(projection.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+        pair = circle.poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
         found = yaw.fast_yaw(soft_masks(T, rng)[1], pair, PORT, CAMERA).T_cam_port
         errors.append(np.rad2deg(rotation_between_rad(found.rotation, T.rotation, PORT.yaw_period_rad)))
     return np.array(errors)
@@ -108,8 +111,8 @@ def main() -> None:
     rng = np.random.default_rng(0)
     T = tilted_pose()
     ring, reflectors = soft_masks(T, rng)
-    points = np.concatenate([ellipse.skeleton_points(ring), rng.uniform(0, 250, (150, 2))])
-    image = projection.circle_ellipse(T, NU, CAMERA)
+    points = np.concatenate([skeleton_points(ring), rng.uniform(0, 250, (150, 2))])
+    image = conics.circle_ellipse(T, NU, CAMERA)
     pair = circle.poses(image, CAMERA, NU)
     ten_thousand = Ellipse(np.tile(image.centre_px, (10_000, 1)), np.tile(image.semi_axes_px, (10_000, 1)),
                            rng.uniform(0, 3, 10_000))  # fmt: skip

@@ -21,7 +21,7 @@ import pandas as pd
 
 from lmmap import provenance
 from lmmap.bench import cad, laboratory, renderer, sequences
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.training.mask_quality import iou
 from lmmap.types import Camera, Port
 

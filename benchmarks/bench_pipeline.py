@@ -23,8 +23,9 @@ import torch
 from lmmap.pipeline import circle, ellipse, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.network import FILTERS
+from lmmap.pipeline.ring import skeleton_points
 from lmmap.pipeline.run import Shot, answered, images
+from lmmap.pipeline.weights import FILTERS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
@@ -59,7 +60,7 @@ def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
     ring, reflectors = (
         watch(f"{n} filter", plain.mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
     )
-    points = watch("skeleton", ellipse.skeleton_points, ring)
+    points = watch("skeleton", skeleton_points, ring)
     found, _ = watch("ellipse", ellipse.paper_ransac, points, np.random.default_rng(0))
     if found is None:
         return False

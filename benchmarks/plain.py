@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from lmmap.pipeline.network import CHANNELS, FILTERS, STRIDE_PX, FilterNet, encode, load_weights, weight_path
+from lmmap.pipeline.network import CHANNELS, STRIDE_PX, FilterNet, encode
+from lmmap.pipeline.weights import FILTERS, load_weights, weight_path
 
 
 def nets(modality: str) -> list[FilterNet]:

@@ -48,10 +48,11 @@ def source_files(*modules: str) -> tuple[str, ...]:
 
 
 def _imported_files(path: Path, statement: ast.ImportFrom) -> list[Path]:
-    """Files of the package that a relative import names: a module, or modules of a folder."""
+    """Files of the package that a relative import names: a module, or modules or words of a folder."""
     folder = path.parents[statement.level - 1].joinpath(*(statement.module or "").split("."))
     named = [folder / f"{alias.name}.py" for alias in statement.names]
-    return [file for file in (folder.with_suffix(".py"), *named) if file.exists()]
+    words = [] if all(file.exists() for file in named) else [folder / "__init__.py"]
+    return [file for file in (folder.with_suffix(".py"), *named, *words) if file.exists()]
 
 
 def fingerprint(*extra: str, patterns=("lmmap/**/*.py", "data/weights/*", "environment.txt")) -> str:

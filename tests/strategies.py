@@ -3,7 +3,8 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from lmmap.geometry.projection import in_view, rotation_z
+from lmmap.geometry.port import in_view
+from lmmap.geometry.rotations import rotation_z
 from lmmap.types import Camera, Ellipse, Port, Pose
 
 CAMERA = Camera.davis346()

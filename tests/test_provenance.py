@@ -61,13 +61,15 @@ def test_a_pattern_without_a_file_is_an_error():
 
 
 def test_a_module_is_made_by_all_that_it_imports():
-    assert results.source_files("camera_files") == ("lmmap/camera_files.py",)
+    assert results.source_files("camera_files") == ("lmmap/camera_files.py", "lmmap/files.py")
     files = results.source_files("pipeline.run")
-    assert {"lmmap/types.py", "lmmap/pipeline/network.py", "lmmap/refinement/joint.py"} < set(files)
+    assert {"lmmap/types/pose.py", "lmmap/pipeline/network.py", "lmmap/refinement/joint.py"} < set(files)
     assert not any(name.startswith(("lmmap/bench", "lmmap/studies", "lmmap/cli")) for name in files)
     graph = grimp.build_graph("lmmap", cache_dir=None)
     below = {"lmmap.pipeline.run", *graph.find_upstream_modules("lmmap.pipeline.run")}
-    assert files == tuple(sorted(f"{name.replace('.', '/')}.py" for name in below))
+    paths = [results.PACKAGE.parent / name.replace(".", "/") for name in below]
+    expected = [path / "__init__.py" if path.is_dir() else path.with_suffix(".py") for path in paths]
+    assert files == tuple(sorted(path.relative_to(results.ROOT).as_posix() for path in expected))
 
 
 def test_profile_is_the_makefiles(monkeypatch):

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 from lmmap.bench import laboratory, sequences
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images

@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 from lmmap.bench.laboratory import sequence
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram, middle_us, windows_at
 from lmmap.provenance import DATA, save_table

@@ -18,7 +18,7 @@ import pandas as pd
 from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pandas as pd
 
 from lmmap.bench import laboratory
-from lmmap.pipeline.network import shipped_gaps
+from lmmap.pipeline.weights import shipped_gaps
 from lmmap.provenance import DERIVED_DATA, fingerprint, save_table
 from lmmap.studies import accuracy_run
 from lmmap.studies.pose_errors import LIGHTS

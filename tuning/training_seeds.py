@@ -16,8 +16,8 @@ import pandas as pd
 
 from lmmap.bench import laboratory
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import FILTERS, load_card, weight_path
 from lmmap.pipeline.run import estimate
+from lmmap.pipeline.weights import FILTERS, load_card, weight_path
 from lmmap.provenance import DERIVED_DATA, fingerprint, save_table
 from lmmap.studies import accuracy_run, accuracy_tables
 from lmmap.studies.pose_errors import LIGHTS, MODALITIES, errors, summary

@@ -23,7 +23,7 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 from lmmap.bench import sequences
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, in_time, true_poses
 from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table

@@ -21,9 +21,10 @@ import pandas as pd
 import validation_world as world
 from validation_conditions import CONDITIONS, cases
 
-from lmmap.geometry.projection import circle_ellipse
+from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import CHANNELS, load_card, load_filter, shipped_gaps, weight_path
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import load_card, load_filter, shipped_gaps, weight_path
 from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment, dataset, train

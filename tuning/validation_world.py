@@ -16,7 +16,7 @@ import numpy as np
 
 from lmmap.bench import cad, labels, laboratory, renderer, sequences, skins
 from lmmap.bench.event_sensor import Sensor
-from lmmap.geometry.projection import in_view
+from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import fitting
 from lmmap.pipeline.run import images
 from lmmap.provenance import DERIVED_DATA

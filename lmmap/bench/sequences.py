@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from ..files import atomic
-from ..geometry.projection import circle_points_m, project
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
 from ..types import EVENT, Camera, InputError, Port, Recording, Trajectory
 from . import event_sensor, renderer
 from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, panel, sequence, sequence_motion

@@ -15,7 +15,8 @@ from tqdm import tqdm
 from ..files import CAMERA, atomic
 from ..pages import beside_paper
 from ..pipeline.estimator import Estimator, fitting
-from ..pipeline.network import CHANNELS, FILTERS, weight_path
+from ..pipeline.network import CHANNELS
+from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA
 from ..recordings.formats import open_stream
 from ..rig import authors_bags, calibration, checkerboard, standin, tf

@@ -11,7 +11,8 @@ from tqdm import tqdm
 
 from ..bench import laboratory, photometry, sequences
 from ..bench.simulate import record, record_all
-from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
+from ..pipeline.network import CHANNELS
+from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..provenance import DERIVED_DATA, save_json
 from ..recordings.formats import WRITERS
 from ..studies import accuracy_run

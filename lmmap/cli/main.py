@@ -12,7 +12,8 @@ import shtab
 
 from ..bench import laboratory
 from ..pages import reference
-from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
+from ..pipeline.network import CHANNELS
+from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..provenance import profile
 from ..recordings.formats import WRITERS
 from ..settings import OURS

@@ -1,26 +1,14 @@
-"""Conics as coefficient vectors theta of the monomials (x^2, xy, y^2, x, y, 1), and their fits.
+"""Conics in the image: ellipses, the images of circles, and the cones of lines of sight through them.
 
-Points are (M, 2), batches of conics (..., 6).  Fits expect coordinates that `normalise` made.
+A conic is a symmetric matrix C (..., 3, 3) with x' C x = 0 for homogeneous pixels x = (u, v, 1), or the
+vector theta (..., 6) of its coefficients of the monomials (u^2, uv, v^2, u, v, 1).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..types import Ellipse
-
-
-def normalise(points_px) -> tuple[np.ndarray, np.ndarray, float]:
-    """Points centred and scaled to unit spread, with the centre and scale that were taken out."""
-    centre = points_px.mean(0)
-    scale = float(np.sqrt(np.mean((points_px - centre) ** 2)))
-    return (points_px - centre) / (scale or 1.0), centre, scale or 1.0
-
-
-def to_pixels(ellipse: Ellipse, centre_px, scale_px: float) -> Ellipse:
-    """Undo `normalise` for ellipses."""
-    centre_px = ellipse.centre_px * scale_px + centre_px
-    return Ellipse(centre_px, ellipse.semi_axes_px * scale_px, ellipse.angle_rad)
+from ..types import Camera, Ellipse, Pose
 
 
 def monomials(x) -> np.ndarray:
@@ -50,67 +38,60 @@ def cone(C, K) -> tuple[np.ndarray, np.ndarray]:
     return eigenvalues[..., ::-1], np.concatenate([E[..., 2:], E[..., 1:2], E[..., :1] * forward], -1)
 
 
-def direct_fit(x) -> np.ndarray | None:
-    """Least squares under 4AC - B^2 = 1 (Halir & Flusser 1998), or None for degenerate points."""
-    D1, D2 = np.split(monomials(x), 2, axis=1)
-    S1, S2, S3 = D1.T @ D1, D1.T @ D2, D2.T @ D2
-    if np.linalg.cond(S3) > 1e12:
-        return None
-    T = -np.linalg.solve(S3, S2.T)
-    M = (S1 + S2 @ T)[::-1] * np.array([[0.5], [-1.0], [0.5]])
-    vectors = np.linalg.eig(M)[1].real
-    index = np.nonzero(4 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0)[0]
-    return np.concatenate([vectors[:, index[0]], T @ vectors[:, index[0]]]) if len(index) else None
+def conic_from_ellipse(ellipse: Ellipse) -> np.ndarray:
+    """Conic matrices of ellipses, with unit Frobenius norm and positive definite upper block."""
+    c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
+    R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    A = np.einsum("...ij,...j,...kj->...ik", R, ellipse.semi_axes_px**-2.0, R)
+    b = -np.einsum("...ij,...j->...i", A, ellipse.centre_px)
+    f = -np.einsum("...i,...i->...", b, ellipse.centre_px) - 1
+    return _conic(A, b, f)
 
 
-def five_point_conics(x, samples) -> np.ndarray:
-    """Conics through the points x[samples], samples (K, 5), leaving out undetermined ones.
+def _conic(A, b, f) -> np.ndarray:
+    top = np.concatenate([A, b[..., :, None]], -1)
+    bottom = np.concatenate([b, f[..., None]], -1)[..., None, :]
+    C = np.concatenate([top, bottom], -2)
+    return C / np.linalg.norm(C, axis=(-2, -1), keepdims=True)
 
-    A + C = 1 fixes the scale: no ellipse violates it and no rotation changes it.  The unknowns are
-    p = A - C, B, D, E, F.
+
+def ellipse_from_conic(conic) -> tuple[Ellipse, np.ndarray]:
+    """Ellipses of conics (..., 3, 3), and which of them are real ellipses (...), the rest being NaN.
+
+    Eliminating the linear term gives the centre c = -A^-1 b; then (x-c)' A (x-c) = -f - b'c.
     """
-    a, b, c, d, e, f = np.moveaxis(monomials(x)[samples], -1, 0)
-    equations = np.stack([(a - c) / 2, b, d, e, f], -1)
-    regular = np.abs(np.linalg.det(equations)) > 1e-12
-    right = -(a + c)[regular][..., None] / 2
-    p, b, d, e, f = np.moveaxis(np.linalg.solve(equations[regular], right)[..., 0], -1, 0)
-    return np.stack([(1 + p) / 2, b, (1 - p) / 2, d, e, f], -1)
+    C = np.asarray(conic, float)
+    with np.errstate(all="ignore"):
+        C = C * np.sign(C[..., 0, 0] + C[..., 1, 1])[..., None, None]
+        A, b, f = C[..., :2, :2], C[..., :2, 2], C[..., 2, 2]
+        a11, a12, a22 = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+        det = a11 * a22 - a12**2
+        centre = np.stack([a12 * b[..., 1] - a22 * b[..., 0], a12 * b[..., 0] - a11 * b[..., 1]], -1)
+        centre = centre / det[..., None]
+        gain = -f - np.sum(b * centre, -1)
+        mean, half = (a11 + a22) / 2, np.hypot((a11 - a22) / 2, a12)
+        axes = np.sqrt(np.stack([gain * (mean + half) / det, gain / (mean + half)], -1))
+        angle = 0.5 * np.arctan2(-2 * a12, a22 - a11)
+    real = (det > 0) & np.all(np.isfinite(axes) & (axes > 0), -1) & np.all(np.isfinite(centre), -1)
+    angle = np.where(real, angle, np.nan)
+    axes = np.where(real[..., None], axes, np.nan)
+    centre = np.where(real[..., None], centre, np.nan)
+    return Ellipse(centre, axes, angle % np.pi), real
 
 
-def sampson_distance(theta, x) -> np.ndarray:
-    """First-order distance q / |grad q| of points to conics, (..., 6), (M, 2) -> (..., M)."""
-    q, qu, qv = _value_and_gradient(theta, x)
-    return q / _length(qu, qv)
+def circle_conic(T_cam_circle: Pose, radius_m, camera: Camera) -> np.ndarray:
+    """Image conic of circles in their frames' xy plane: C = H^-T diag(1, 1, -r^2) H^-1."""
+    R, p = T_cam_circle.rotation, T_cam_circle.position_m
+    H = camera.K @ np.concatenate([R[..., :, :2], p[..., :, None]], -1)
+    H_inv = np.linalg.inv(H)
+    r2 = np.broadcast_to(np.asarray(radius_m, float) ** 2, p.shape[:-1])
+    D = np.zeros((*r2.shape, 3, 3))
+    D[..., 0, 0] = D[..., 1, 1] = 1
+    D[..., 2, 2] = -r2
+    C = np.swapaxes(H_inv, -1, -2) @ D @ H_inv
+    return C / np.linalg.norm(C, axis=(-2, -1), keepdims=True)
 
 
-def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
-    """Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance.
-
-    A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
-    """
-    m = monomials(x)
-    zero, one = np.zeros(len(x)), np.ones(len(x))
-    m_u = np.stack([2 * x[:, 0], x[:, 1], zero, one, zero, zero], -1)
-    m_v = np.stack([zero, x[:, 0], 2 * x[:, 1], zero, one, zero], -1)
-    for _ in range(steps):
-        theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
-        q, qu, qv = _value_and_gradient(theta, x)
-        g = _length(qu, qv)
-        gradient_of_g = (qu[..., None] * m_u + qv[..., None] * m_v) / g[..., None]
-        J = (m - (q / g)[..., None] * gradient_of_g) / g[..., None]
-        Jt = np.swapaxes(J * weight[..., None], -1, -2)
-        normal = Jt @ J + theta[..., :, None] * theta[..., None, :]
-        normal = normal + 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None] * np.eye(6)
-        theta = theta - np.linalg.solve(normal, Jt @ (q / g)[..., None])[..., 0]
-    return theta
-
-
-def _length(u, v):
-    """Of (u, v), kept from zero; `np.hypot` guards against overflow and takes several times longer."""
-    return np.sqrt(np.maximum(u * u + v * v, 1e-24))
-
-
-def _value_and_gradient(theta, x):
-    a, b, c, d, e, _ = np.moveaxis(np.asarray(theta)[..., None], -2, 0)
-    u, v = x.T
-    return theta @ monomials(x).T, 2 * a * u + b * v + d, b * u + 2 * c * v + e
+def circle_ellipse(T_cam_circle: Pose, radius_m, camera: Camera) -> Ellipse:
+    """Undistorted image of circles in space; NaN where it is no ellipse."""
+    return ellipse_from_conic(circle_conic(T_cam_circle, radius_m, camera))[0]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.projection import circle_conic, circle_ellipse, circle_points_m, project
+from ..geometry.conics import circle_conic, circle_ellipse
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
 from ..pipeline import circle
 from ..types import Camera, Pose
 from .drawings import COLOUR

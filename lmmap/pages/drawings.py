@@ -10,7 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from pandas.io.formats.style import Styler
 
-from ..geometry.projection import circle_points_m, project
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
 from ..types import Camera, Ellipse, Estimate, Port, Pose
 from . import tables
 

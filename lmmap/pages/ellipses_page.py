@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.conics import five_point_conics, matrix, normalise, sampson_distance, to_pixels
-from ..geometry.projection import ellipse_from_conic
+from ..geometry.conic_fit import five_point_conics, normalise, sampson_distance, to_pixels
+from ..geometry.conics import ellipse_from_conic, matrix
 from ..pipeline import ellipse
 from ..settings import OURS, Settings
 from .sliders import Step

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..pipeline import ellipse
+from ..pipeline.ring import binarise, skeleton_points
 from ..types import Ellipse
 from .drawings import COLOUR
 from .sliders import Step
@@ -82,7 +83,7 @@ def threshold_steps(mask, levels, truth: Ellipse, rng: np.random.Generator) -> l
     """What a mask (H, W) gives at each threshold: its skeleton, and the ellipse if there is any."""
     steps = []
     for level in levels:
-        points = ellipse.skeleton_points(mask, level)
+        points = skeleton_points(mask, level)
         answer, inliers = ellipse.fit_ransac(points, rng)
         contour = np.empty((0, 2)) if answer is None else answer.points(180)
         title = "no ellipse" if answer is None else (
@@ -93,6 +94,6 @@ def threshold_steps(mask, levels, truth: Ellipse, rng: np.random.Generator) -> l
             ("ellipse", contour, "ours", "lines"),
             ("truth", truth.points(180), "truth", "lines"),
         )
-        binary = ellipse.binarised(mask, level).astype(float)
+        binary = binarise(mask, level).astype(float)
         steps.append(Step(f"{level:g}", f"{len(points)} skeleton points; {title}", binary, curves))
     return steps

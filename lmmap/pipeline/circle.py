@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.conics import cone
-from ..geometry.projection import conic_from_ellipse
+from ..geometry.conics import cone, conic_from_ellipse
 from ..types import Camera, Ellipse, Pose
 
 

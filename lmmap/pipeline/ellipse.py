@@ -1,4 +1,4 @@
-"""From masks to ellipses: skeleton, conic fits, RANSAC.
+"""From the skeleton's points to an ellipse: RANSAC, ours and the paper's, and least-squares fits.
 
 Whether points belong to an ellipse is measured by the Sampson distance throughout.
 """
@@ -6,49 +6,18 @@ Whether points belong to an ellipse is measured by the Sampson distance througho
 from __future__ import annotations
 
 import numpy as np
-from skimage.filters import apply_hysteresis_threshold
-from skimage.morphology import skeletonize
 
-from ..geometry.conics import (
+from ..geometry.conic_fit import (
     direct_fit,
     five_point_conics,
-    matrix,
-    monomials,
     normalise,
     sampson_distance,
     sampson_fit,
     to_pixels,
 )
-from ..geometry.projection import ellipse_from_conic
+from ..geometry.conics import ellipse_from_conic, matrix, monomials
 from ..settings import OURS, Settings
 from ..types import Ellipse
-
-
-def binarised(
-    mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share
-) -> np.ndarray:
-    """Pixels above the threshold, of those blobs that somewhere exceed ``peak_share`` times the mask's
-    maximum.  Such hysteresis drops weak blobs and keeps the weak ends of strong ones."""
-    mask = np.asarray(mask, np.float32)
-    high = peak_share * mask.max(initial=0)
-    return apply_hysteresis_threshold(mask, threshold, high) if high > threshold else mask > threshold
-
-
-def skeleton_points(
-    mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share
-) -> np.ndarray:
-    """Pixels (u, v) of the `binarised` mask's one-pixel-wide skeleton (Zhang & Suen 1984), shape (M, 2).
-
-    Zhang's thinning of strokes of even width leaves them shifted by (-0.14, -0.14) px on average;
-    `contour.trace` doesn't have that bias.
-    """
-    active = binarised(mask, threshold, peak_share)
-    rows, columns = (np.flatnonzero(active.any(axis)) for axis in (1, 0))
-    if not rows.size:
-        return np.empty((0, 2))
-    top, left = rows[0], columns[0]
-    v, u = np.nonzero(skeletonize(active[top : rows[-1] + 1, left : columns[-1] + 1], method="zhang"))
-    return np.column_stack([u + left, v + top]).astype(float)
 
 
 def fit(points_px) -> Ellipse:

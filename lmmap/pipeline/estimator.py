@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ..geometry.projection import circle_points_m, project, undistort_points
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project, undistort_points
 from ..refinement import contour, joint, uncertainty
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
 from .histograms import scaled_count
-from .network import DOMAIN_GAPS, FILTERS, crop_bounds, load_filter, weight_path
+from .network import crop_bounds
+from .ring import skeleton_points
+from .weights import DOMAIN_GAPS, FILTERS, load_filter, weight_path
 
 
 def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
@@ -117,7 +120,7 @@ class Estimator:
         It is looked for among the mask's sure blobs, and if they hold none, in all of it.
         """
         for peak_share in (self.settings.peak_share, 0.0):
-            points = ellipse.skeleton_points(mask, self.settings.mask_threshold, peak_share)
+            points = skeleton_points(mask, self.settings.mask_threshold, peak_share)
             if len(points) < self.settings.min_ring_pixels:
                 status = Status.NO_RING
                 continue

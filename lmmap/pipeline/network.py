@@ -9,32 +9,21 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import json
 import os
 import sys
-from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional as F
-
-from ..provenance import DATA
-from ..types import InputError
 
 WIDTHS = (64, 128, 256)
 STRIDE_PX = 2 ** len(WIDTHS)
 RECEPTIVE_RADIUS_PX = 21
 BEFORE_PX, AFTER_PX = 8, 24  # a box's margin on the stride's grid, from its first and last strides
 CHANNELS = {"rgb": 3, "event": 1}
-FILTERS = ("ring", "reflector")
-DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
-WEIGHTS = DATA / "weights"
 
 
 class FilterNet(nn.Module):
@@ -147,55 +136,3 @@ def crop_bounds(low_px, high_px, size_px) -> tuple[slice, slice]:
     start = np.maximum(first - BEFORE_PX, 0).astype(int)
     stop = np.minimum(last + AFTER_PX, size).astype(int)
     return slice(start[1], stop[1]), slice(start[0], stop[0])
-
-
-def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
-    """Where the weights of a filter ship."""
-    return WEIGHTS / f"{name}-{modality}-{domain_gap}.safetensors"
-
-
-def save_weights(net: FilterNet, path, card: dict) -> None:
-    """Half-precision safetensors, and the model card beside it with the file's hash."""
-    tensors = {k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()}
-    save_file(tensors, path)
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    Path(path).with_suffix(".json").write_text(json.dumps({**card, "sha256": digest}, indent=1) + "\n")
-
-
-def load_card(path) -> dict:
-    """The model card beside a weight file."""
-    return json.loads(Path(path).with_suffix(".json").read_text())
-
-
-def shipped_gaps() -> list[str]:
-    """Those of `DOMAIN_GAPS` of which all filters are there."""
-    everything = [(f, m) for f in FILTERS for m in CHANNELS]
-    return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
-
-
-def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
-    """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
-    path = Path(path)
-    try:
-        with safe_open(path, "pt") as file:
-            tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
-        expected = load_card(path)["sha256"]
-        actual = hashlib.sha256(path.read_bytes()).hexdigest()
-    except (OSError, ValueError, KeyError, SafetensorError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: no readable weights ({reason}); restore it or run 'make train'") from None
-    if actual != expected:
-        raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
-    shapes = {k: v.shape for k, v in FilterNet(CHANNELS[modality]).state_dict().items()}
-    if {k: v.shape for k, v in tensors.items()} != shapes:
-        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet")
-    if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
-        raise InputError(f"{path}: weights that are not finite; restore it or run 'make train'")
-    return tensors
-
-
-def load_filter(path, modality: str, precision: str = "auto") -> Filter:
-    """A filter from its weight file; errors as `load_weights`."""
-    net = FilterNet(CHANNELS[modality])
-    net.load_state_dict(load_weights(path, modality))
-    return Filter(net, modality, precision)

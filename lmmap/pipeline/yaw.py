@@ -12,7 +12,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..geometry.projection import project, rotation_z
+from ..geometry.projection import project
+from ..geometry.rotations import rotation_z
 from ..settings import OURS, PAPER, PaperSettings, Settings
 from ..types import Camera, Port, Pose, frozen_array
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..geometry.conics import coefficients, matrix, normalise, sampson_distance, sampson_fit, to_pixels
-from ..geometry.projection import conic_from_ellipse, distort_points, ellipse_from_conic
+from ..geometry.conic_fit import normalise, sampson_distance, sampson_fit, to_pixels
+from ..geometry.conics import coefficients, conic_from_ellipse, ellipse_from_conic, matrix
+from ..geometry.projection import distort_points
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse
 

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.conics import coefficients, sampson_distance
-from ..geometry.projection import circle_conic, project
+from ..geometry.conic_fit import sampson_distance
+from ..geometry.conics import circle_conic, coefficients
+from ..geometry.projection import project
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
 
-from ..geometry.conics import cone
-from ..geometry.projection import bearings, circle_conic
+from ..geometry.conics import circle_conic, cone
+from ..geometry.projection import bearings
 from ..settings import OURS
 from ..types import Camera, Pose
 

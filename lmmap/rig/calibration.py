@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.projection import rotation_angle_rad
+from ..geometry.rotations import rotation_angle_rad
 from ..types import Estimate, InputError, Port, Pose
 from . import hand_eye
 from .rig import Rig

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from ..geometry.projection import equal_turns, rotation_angle_rad, rotation_vector, rotation_z
+from ..geometry.rotations import equal_turns, rotation_angle_rad, rotation_vector, rotation_z
 from ..types import Pose, frozen_array
 from .ur5e import ArmSamples
 

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from ..bench import sequences
 from ..bench.laboratory import sequence, sequence_motion
 from ..files import atomic
-from ..geometry.projection import bearings, rotation_z
+from ..geometry.projection import bearings
+from ..geometry.rotations import rotation_z
 from ..recordings import rosbag
 from ..types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 from . import authors_bags, tf, ur5e

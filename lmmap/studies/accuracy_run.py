@@ -11,8 +11,9 @@ import pandas as pd
 from ..bench import laboratory, sequences, simulate
 from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
-from ..pipeline.network import best_precision, shipped_gaps
+from ..pipeline.network import best_precision
 from ..pipeline.run import estimate, in_time
+from ..pipeline.weights import shipped_gaps
 from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
 from ..recordings.pose_files import write_estimates

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.projection import equal_turns, rotation_angle_rad, rotation_between_rad
+from ..geometry.rotations import equal_turns, rotation_angle_rad, rotation_between_rad
 from ..types import Pose, Trajectory
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ..geometry.projection import equal_turns, rotation_angle_rad, rotation_z
+from ..geometry.rotations import equal_turns, rotation_angle_rad, rotation_z
 from ..provenance import DATA
 from ..recordings.pose_files import read_trajectory, trajectory_of
 from ..tracking.outliers import outlier_filter

@@ -13,8 +13,8 @@ import pandas as pd
 from tqdm import tqdm
 
 from ..pipeline.estimator import Estimator, fitting
-from ..pipeline.network import FILTERS, weight_path
 from ..pipeline.run import answered, shots
+from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA, fingerprint, save_json, save_table
 from ..recordings.formats import open_stream
 from ..recordings.journal import Journal

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..bench import labels, photometry, sequences
-from ..geometry.projection import in_view
+from ..geometry.port import in_view
 from ..pipeline.run import true_poses
 from ..provenance import DATA
 from ..recordings.pose_files import stacked

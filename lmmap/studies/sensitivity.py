@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from ..geometry.projection import circle_conic, circle_ellipse
+from ..geometry.conics import circle_conic, circle_ellipse
 from ..pipeline import circle, ellipse
 from ..refinement import uncertainty
 from ..types import Camera, Pose

@@ -19,7 +19,7 @@ from itertools import groupby
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.projection import equal_turns, rotation_angle_rad
+from ..geometry.rotations import equal_turns, rotation_angle_rad
 from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status
 from .motion_model import POSE, Track, repetition

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..geometry.projection import rotation_between_rad
+from ..geometry.rotations import rotation_between_rad
 from ..settings import OURS, PAPER, PaperSettings, Settings
 from ..types import Estimate
 

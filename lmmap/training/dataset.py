@@ -18,7 +18,7 @@ from ..bench import labels, sequences
 from ..bench.renderer import ray_grid
 from ..files import atomic
 from ..pipeline.histograms import joined
-from ..pipeline.network import FILTERS
+from ..pipeline.weights import FILTERS
 from ..provenance import fingerprint, source_files
 from ..recordings.stream import Stream
 from ..settings import PAPER

@@ -10,10 +10,12 @@ from skimage.morphology import skeletonize
 
 from ..bench import labels
 from ..bench.renderer import ray_grid
-from ..geometry.projection import circle_points_m, in_view, project
-from ..pipeline import ellipse, run
+from ..geometry.port import circle_points_m, in_view
+from ..geometry.projection import project
+from ..pipeline import run
 from ..pipeline.estimator import markers_box_px
-from ..pipeline.network import FILTERS, load_filter, weight_path
+from ..pipeline.ring import binarise
+from ..pipeline.weights import FILTERS, load_filter, weight_path
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, Recording
 
@@ -89,7 +91,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
             for (gap, name), net in nets.items():
                 values, true = net(image), truth[name]
                 if name == "ring":
-                    mask = ellipse.binarised(values, settings.mask_threshold)
+                    mask = binarise(values, settings.mask_threshold)
                 else:  # the pipeline asks it only there
                     mask = (values > settings.mask_threshold) & _around(pose, port, recording.camera)
                 fit = iou(mask, true), *skeleton_distance(mask, lines[name]), missed_share(mask, true)

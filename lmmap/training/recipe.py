@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from ..pipeline.network import CHANNELS, DOMAIN_GAPS, FILTERS
+from ..pipeline.network import CHANNELS
+from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..types import InputError
 
 STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest

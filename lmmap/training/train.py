@@ -19,16 +19,8 @@ from safetensors.torch import save_file
 from torch.nn import functional as F
 
 from ..files import atomic
-from ..pipeline.network import (
-    CHANNELS,
-    FilterNet,
-    encode,
-    keep_freed_memory,
-    load_card,
-    load_weights,
-    save_weights,
-    weight_path,
-)
+from ..pipeline.network import CHANNELS, FilterNet, encode, keep_freed_memory
+from ..pipeline.weights import load_card, load_weights, save_weights, weight_path
 from ..provenance import commit
 from ..settings import PAPER
 from ..types import InputError

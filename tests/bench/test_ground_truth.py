@@ -10,7 +10,8 @@ from skimage.measure import approximate_polygon, find_contours
 from strategies import CAMERA, PORT, WIDE, pose
 
 from lmmap.bench import cad, renderer, skins
-from lmmap.geometry.projection import circle_points_m, project
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
 from lmmap.types import Camera
 
 FINE, TOLERANCE_PX = 8, 0.1

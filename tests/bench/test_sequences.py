@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from lmmap.bench import labels, laboratory, sequences
-from lmmap.geometry.projection import circle_points_m, project
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
 from lmmap.types import Camera, InputError, Port
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lmmap.cli import main
-from lmmap.pipeline.network import load_filter, weight_path
+from lmmap.pipeline.weights import load_filter, weight_path
 from lmmap.provenance import DATA, ROOT
 from lmmap.recordings.formats import WRITERS, open_recording, write_recording
 from lmmap.types import EVENT, Camera, Recording

@@ -8,7 +8,7 @@ from pye3d.geometry.primitives import Ellipse as PupilEllipse
 from skimage.measure import EllipseModel
 from strategies import CAMERA, ellipses, seeds, visible_poses
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics
 from lmmap.pipeline import circle, ellipse
 
 NU = 0.08
@@ -19,7 +19,7 @@ NU = 0.08
 def test_pye3d_finds_the_same_two_circles(T):
     # it drifts toward head-on, hence from 5 deg, and fails on axes along the image's and on ellipses about
     # the principal point, from which it wants them
-    e = projection.circle_ellipse(T, NU, CAMERA)
+    e = conics.circle_ellipse(T, NU, CAMERA)
     centre_px = e.centre_px - [CAMERA.cx_px, CAMERA.cy_px]
     assume(abs(np.sin(2 * e.angle_rad)) > 0.02 and np.abs(centre_px).min() > 1)
     theirs = unproject_ellipse(

@@ -6,7 +6,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import CAMERA, PORT, WIDE, ellipses, pose, rotations, visible_poses
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, projection
+from lmmap.geometry.port import circle_points_m, ideal_masks, in_view, on_plane
+from lmmap.geometry.rotations import rotation_angle_rad, rotation_between_rad, rotation_vector, rotation_z
 from lmmap.types import Ellipse, Pose
 
 pixels = st.tuples(st.floats(0, 345), st.floats(0, 259)).map(np.array)
@@ -37,7 +39,7 @@ def test_pixel_centres_stay_centres_when_an_image_is_rescaled():
 
 @given(ellipses(max_ratio=0.98))
 def test_ellipse_to_conic_and_back(ellipse):
-    back, real = projection.ellipse_from_conic(projection.conic_from_ellipse(ellipse))
+    back, real = conics.ellipse_from_conic(conics.conic_from_ellipse(ellipse))
     assert real
     np.testing.assert_allclose(back.centre_px, ellipse.centre_px, atol=1e-7)
     np.testing.assert_allclose(back.semi_axes_px, ellipse.semi_axes_px, rtol=1e-8)
@@ -48,7 +50,7 @@ def test_ellipse_to_conic_and_back(ellipse):
 @given(ellipses())
 def test_points_of_an_ellipse_lie_on_its_conic(ellipse):
     x = np.column_stack([ellipse.points(16), np.ones(16)])
-    C = projection.conic_from_ellipse(ellipse)
+    C = conics.conic_from_ellipse(ellipse)
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", x, C, x), 0, atol=1e-9)
 
 
@@ -56,15 +58,15 @@ def test_points_of_an_ellipse_lie_on_its_conic(ellipse):
     "C", [np.diag([1.0, -1, -1]), np.diag([1.0, 1, 1]), np.diag([1.0, 0, -1]), np.zeros((3, 3))]
 )
 def test_hyperbolas_imaginary_ellipses_and_lines_are_no_ellipses(C):
-    ellipse, real = projection.ellipse_from_conic(C)
+    ellipse, real = conics.ellipse_from_conic(C)
     assert not real
     assert np.isnan(ellipse.semi_axes_px).all()
 
 
 @given(visible_poses())
 def test_the_circles_ellipse_passes_through_its_projected_points(T):
-    points = projection.project(projection.circle_points_m(0.08) @ T.rotation.T + T.position_m, CAMERA)
-    C = projection.conic_from_ellipse(projection.circle_ellipse(T, 0.08, CAMERA))
+    points = projection.project(circle_points_m(0.08) @ T.rotation.T + T.position_m, CAMERA)
+    C = conics.conic_from_ellipse(conics.circle_ellipse(T, 0.08, CAMERA))
     x = np.column_stack([points, np.ones(len(points))])
     gradient = np.linalg.norm(2 * (x @ C)[:, :2], axis=1)
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", x, C, x) / gradient, 0, atol=1e-8)
@@ -79,46 +81,44 @@ def test_undistorted_pixels_project_without_distortion(point, depth):
 
 @given(rotations())
 def test_rotation_angles_are_scipys(R):
-    np.testing.assert_allclose(
-        projection.rotation_angle_rad(R), Rotation.from_matrix(R).magnitude(), atol=1e-7
-    )
+    np.testing.assert_allclose(rotation_angle_rad(R), Rotation.from_matrix(R).magnitude(), atol=1e-7)
 
 
 @given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))
 def test_rotation_vectors_are_what_made_the_rotation(vector):
     R = Rotation.from_rotvec(vector).as_matrix()
-    np.testing.assert_allclose(projection.rotation_vector(R), vector, atol=1e-6)
+    np.testing.assert_allclose(rotation_vector(R), vector, atol=1e-6)
 
 
 @given(rotations(), st.integers(-3, 3), st.floats(-1, 1))
 def test_orientations_are_compared_modulo_the_symmetry(R, turns, extra):
     period = PORT.yaw_period_rad
-    turned = R @ projection.rotation_z(turns * period + extra)
-    np.testing.assert_allclose(projection.rotation_between_rad(R, turned, period), abs(extra), atol=1e-7)
+    turned = R @ rotation_z(turns * period + extra)
+    np.testing.assert_allclose(rotation_between_rad(R, turned, period), abs(extra), atol=1e-7)
 
 
 def test_the_ring_leaves_the_view_when_it_touches_the_border_or_turns_its_back():
     middle = pose((172.5, 129.5), 0.6, 0.2)
-    assert projection.in_view(middle, PORT, CAMERA)
-    assert not projection.in_view(pose((20, 129.5), 0.6, 0.2), PORT, CAMERA)
-    assert not projection.in_view(pose((172.5, 129.5), 0.15, 0.0), PORT, CAMERA)
+    assert in_view(middle, PORT, CAMERA)
+    assert not in_view(pose((20, 129.5), 0.6, 0.2), PORT, CAMERA)
+    assert not in_view(pose((172.5, 129.5), 0.15, 0.0), PORT, CAMERA)
     back = Pose(middle.rotation @ np.diag([1.0, -1, -1]), middle.position_m)
-    assert not projection.in_view(back, PORT, CAMERA)
+    assert not in_view(back, PORT, CAMERA)
     batch = Pose(np.stack([middle.rotation] * 2), np.stack([middle.position_m, -middle.position_m]))
-    assert projection.in_view(batch, PORT, CAMERA).tolist() == [True, False]
+    assert in_view(batch, PORT, CAMERA).tolist() == [True, False]
 
 
 @given(visible_poses(), st.tuples(*[st.floats(-0.05, 0.05)] * 2), st.floats(0, 0.05))
 def test_lines_of_sight_meet_the_plane_where_the_point_is(T, xy, height):
     pixel = projection.project(T @ np.array([*xy, height]), WIDE)
-    np.testing.assert_allclose(projection.on_plane(pixel, T, height, WIDE), xy, atol=1e-7)
+    np.testing.assert_allclose(on_plane(pixel, T, height, WIDE), xy, atol=1e-7)
 
 
 def test_ideal_masks_have_the_projected_areas():
     T = pose((170, 120), 0.6, 0.5, 1.0, 0.4)
-    ring, markers = projection.ideal_masks(T, PORT, CAMERA)
+    ring, markers = ideal_masks(T, PORT, CAMERA)
     outer, inner = (
-        np.prod(projection.circle_ellipse(T, r, CAMERA).semi_axes_px) * np.pi
+        np.prod(conics.circle_ellipse(T, r, CAMERA).semi_axes_px) * np.pi
         for r in (PORT.ring_outer_radius_m, PORT.ring_inner_radius_m)
     )
     assert ring.sum() == pytest.approx(outer - inner, rel=2e-3)
@@ -131,7 +131,7 @@ def test_ideal_masks_have_the_projected_areas():
 
 def test_circles_become_ellipses_of_the_known_size_on_the_axis():
     # fronto-parallel at distance Z: a circle of radius f r / Z
-    ellipse = projection.circle_ellipse(pose((172.5, 129.5), 0.6, 0.0), 0.08, CAMERA)
+    ellipse = conics.circle_ellipse(pose((172.5, 129.5), 0.6, 0.0), 0.08, CAMERA)
     np.testing.assert_allclose(ellipse.semi_axes_px, 324 * 0.08 / 0.6)
     np.testing.assert_allclose(ellipse.centre_px, [172.5, 129.5])
     assert isinstance(ellipse, Ellipse)
@@ -141,7 +141,7 @@ def test_circles_become_ellipses_of_the_known_size_on_the_axis():
     "position", [[5, 0, 0.6], [0, 0, -0.6], [0, 0, 0.02]], ids=["aside", "behind", "around"]
 )
 def test_masks_of_a_port_out_of_view_are_empty_or_finite(position):
-    masks = projection.ideal_masks(Pose(pose((172.5, 129.5), 0.6, 0.3).rotation, position), PORT, CAMERA, 1)
+    masks = ideal_masks(Pose(pose((172.5, 129.5), 0.6, 0.3).rotation, position), PORT, CAMERA, 1)
     assert np.all(np.isfinite(masks))
     assert masks.shape == (2, 260, 346)
     assert position[2] == 0.02 or masks.sum() == 0

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from conftest import facing_pose
 
-from lmmap.geometry.projection import circle_ellipse, project, rescale_px
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.projection import project, rescale_px
 from lmmap.pages.overlay import AXES, BGR, Overlay, draw
 from lmmap.types import Camera, Estimate, InputError, Port, Status
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from conftest import facing_pose
 
-from lmmap.geometry.projection import circle_ellipse, ideal_masks
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import ideal_masks
 from lmmap.pages import ellipses_page, filters_page, histograms_page, sliders
 from lmmap.types import EVENT, Ellipse
 

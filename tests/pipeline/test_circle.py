@@ -4,7 +4,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import CAMERA, ellipses, pose, visible_poses
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, rotations
 from lmmap.pipeline import circle
 from lmmap.studies.metrics import normal_error_rad
 from lmmap.types import Camera, Ellipse, Pose
@@ -15,7 +15,7 @@ both = pytest.mark.parametrize("solve", [circle.poses, circle.paper_poses], ids=
 
 def errors(solve, T, camera=CAMERA):
     """Normal (deg) and position (mm) error of the better branch."""
-    solved = solve(projection.circle_ellipse(T, NU, camera), camera, NU)
+    solved = solve(conics.circle_ellipse(T, NU, camera), camera, NU)
     normal = np.rad2deg(normal_error_rad(solved, Pose(T.rotation[None], T.position_m[None])))
     position = 1e3 * np.linalg.norm(solved.position_m - T.position_m, axis=-1)
     return normal.min(), position[normal.argmin()]
@@ -41,8 +41,8 @@ def test_away_from_fronto_parallel_the_recovery_is_exact(T):
 @given(ellipses(min_ratio=0.2))
 def test_both_poses_reproject_to_the_same_ellipse(ellipse):
     solved = circle.poses(ellipse, CAMERA, NU)
-    C = projection.circle_conic(solved, NU, CAMERA)
-    expected = projection.conic_from_ellipse(ellipse)
+    C = conics.circle_conic(solved, NU, CAMERA)
+    expected = conics.conic_from_ellipse(ellipse)
     np.testing.assert_allclose(C * np.sign(C[:, :1, :1]), [expected, expected], atol=1e-10)
 
 
@@ -68,8 +68,8 @@ def test_a_ring_twice_as_large_is_twice_as_far(solve, ellipse, scale):
 @both
 @given(T=visible_poses(min_tilt_deg=5), turn=st.floats(-np.pi, np.pi))
 def test_turning_the_camera_about_its_axis_turns_the_poses(solve, T, turn):
-    R = projection.rotation_z(turn)
-    e = projection.circle_ellipse(T, NU, CAMERA)
+    R = rotations.rotation_z(turn)
+    e = conics.circle_ellipse(T, NU, CAMERA)
     centre = CAMERA.K[:2, 2]
     turned = Ellipse(R[:2, :2] @ (e.centre_px - centre) + centre, e.semi_axes_px, e.angle_rad + turn)
     before, after = solve(e, CAMERA, NU), solve(turned, CAMERA, NU)
@@ -79,7 +79,7 @@ def test_turning_the_camera_about_its_axis_turns_the_poses(solve, T, turn):
 
 @given(visible_poses(min_tilt_deg=20, max_tilt_deg=60))
 def test_both_formulas_number_the_two_poses_alike(T):
-    e = projection.circle_ellipse(T, NU, CAMERA)
+    e = conics.circle_ellipse(T, NU, CAMERA)
     exact, paper = circle.poses(e, CAMERA, NU).normal, circle.paper_poses(e, CAMERA, NU).normal
     same, crossed = np.sum(exact * paper, -1), np.sum(exact * paper[::-1], -1)
     assert np.all(same > crossed)
@@ -89,7 +89,7 @@ def test_both_formulas_number_the_two_poses_alike(T):
 def test_fronto_parallel_the_papers_normals_are_off_by_twice_the_rings_angle(distance):
     # the near and the true end of the minor axis make an isosceles triangle with the ring's centre
     T = pose((172.5, 129.5), distance, 0.0)
-    solved = circle.paper_poses(projection.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+    solved = circle.paper_poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
     off = normal_error_rad(solved, Pose(T.rotation[None], T.position_m[None]))
     np.testing.assert_allclose(off, 2 * np.arctan(NU / distance), rtol=1e-9)
     np.testing.assert_allclose(solved.position_m, [T.position_m] * 2, atol=1e-12)
@@ -104,8 +104,8 @@ def test_ellipses_come_in_batches_of_any_shape():
     T = pose((150, 120), 0.6, 0.5)
     batch = Pose(np.broadcast_to(T.rotation, (2, 5, 3, 3)), np.broadcast_to(T.position_m, (2, 5, 3)))
     for solve in (circle.poses, circle.paper_poses):
-        solved = solve(projection.circle_ellipse(batch, NU, CAMERA), CAMERA, NU)
-        one = solve(projection.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+        solved = solve(conics.circle_ellipse(batch, NU, CAMERA), CAMERA, NU)
+        one = solve(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
         assert solved.position_m.shape == (2, 5, 2, 3)
         np.testing.assert_allclose(solved.rotation[1, 3], one.rotation, atol=1e-12)
 
@@ -121,7 +121,7 @@ def test_pixels_need_not_be_square(T):
 def test_a_line_of_sight_that_misses_the_sphere_gives_its_nearest_point():
     # a large ring near the border, strongly tilted: the discriminant is negative for one end
     T = pose((60, 60), 0.3, np.deg2rad(70), 3 * np.pi / 4)
-    solved = circle.paper_poses(projection.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+    solved = circle.paper_poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
     assert np.all(np.isfinite(solved.rotation))
 
 
@@ -154,7 +154,7 @@ def test_an_ellipse_around_the_principal_point_is_no_exception(solve):
 def test_a_circle_behind_the_camera_or_through_it_has_no_ellipse_to_solve(solve):
     T = pose((150, 120), 0.6, 0.5)
     through = Pose(T.rotation, [0.0, 0.0, 0.02])
-    e = projection.circle_ellipse(through, NU, CAMERA)  # a hyperbola: NaN by its docstring
+    e = conics.circle_ellipse(through, NU, CAMERA)  # a hyperbola: NaN by its docstring
     with pytest.raises(ValueError, match="ellipse"):
         solve(e, CAMERA, NU)
 

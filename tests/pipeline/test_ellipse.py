@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import CAMERA, PORT, ellipses, pose, seeds
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, rotations
+from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import ellipse
+from lmmap.pipeline.ring import binarise, skeleton_points
 from lmmap.settings import OURS
 from lmmap.types import Ellipse
 
@@ -51,7 +53,7 @@ def test_points_of_an_ellipse_give_it_back(e, seed):
 @given(ellipses(), seeds(), st.floats(-np.pi, np.pi), st.floats(0.2, 5), st.floats(-500, 500))
 def test_fits_move_turn_and_scale_with_their_points(e, seed, turn, scale, shift):
     points = arc(e, np.random.default_rng(seed), 100, noise_px=0.5)
-    R = projection.rotation_z(turn)[:2, :2]
+    R = rotations.rotation_z(turn)[:2, :2]
     before, after = ellipse.fit(points), ellipse.fit(scale * points @ R.T + shift)
     np.testing.assert_allclose(after.centre_px, scale * R @ before.centre_px + shift, atol=1e-4)
     np.testing.assert_allclose(after.semi_axes_px, scale * before.semi_axes_px, rtol=1e-5)
@@ -159,23 +161,23 @@ def test_arc_coverage_is_the_share_of_the_arc(share):
 
 def test_the_skeleton_is_thin_and_near_the_middle_of_the_stroke():
     T = pose((170, 120), 0.6, 0.5)
-    points = ellipse.skeleton_points(projection.ideal_masks(T, PORT, CAMERA)[0])
-    e = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    points = skeleton_points(ideal_masks(T, PORT, CAMERA)[0])
+    e = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
     distance = np.min(np.linalg.norm(points[:, None] - e.points(2000), axis=-1), 1)
     assert distance.mean() < 0.6
     assert len(points) < 1.1 * np.pi * e.semi_axes_px.sum()
-    assert ellipse.skeleton_points(np.zeros((20, 30))).shape == (0, 2)
+    assert skeleton_points(np.zeros((20, 30))).shape == (0, 2)
 
 
 def test_weak_blobs_go_and_weak_ends_of_strong_ones_stay():
     row = np.zeros((3, 12))
     row[1] = [0, 0.6, 0.98, 0.6, 0.4, 0.6, 0.8, 0, 0, 0.9, 0.6, 0]
-    kept = ellipse.binarised(row)
+    kept = binarise(row)
     assert np.flatnonzero(kept[1]).tolist() == [1, 2, 3, 9, 10]  # 0.9 is near enough to 0.98, 0.8 is not
-    assert np.array_equal(ellipse.binarised(row, peak_share=0), row > 0.5)
-    assert np.array_equal(ellipse.binarised(0.9 * row, 0.45), kept)  # a filter less sure of all loses nothing
-    assert not ellipse.binarised(0.4 * row).any()
-    assert np.array_equal(ellipse.binarised(row > 0.5), row > 0.5)
+    assert np.array_equal(binarise(row, peak_share=0), row > 0.5)
+    assert np.array_equal(binarise(0.9 * row, 0.45), kept)  # a filter less sure of all loses nothing
+    assert not binarise(0.4 * row).any()
+    assert np.array_equal(binarise(row > 0.5), row > 0.5)
 
 
 def degenerate(rng):

@@ -6,23 +6,25 @@ import torch
 
 from lmmap.pipeline.network import (
     CHANNELS,
-    DOMAIN_GAPS,
-    FILTERS,
     RECEPTIVE_RADIUS_PX,
-    WEIGHTS,
     Filter,
     FilterNet,
     best_precision,
     crop_bounds,
     encode,
+    up_to_one_channel,
+)
+from lmmap.pipeline.run import images
+from lmmap.pipeline.weights import (
+    DOMAIN_GAPS,
+    FILTERS,
+    WEIGHTS,
     load_card,
     load_filter,
     save_weights,
     shipped_gaps,
-    up_to_one_channel,
     weight_path,
 )
-from lmmap.pipeline.run import images
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.types import InputError

@@ -6,7 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lmmap.geometry.projection import circle_ellipse, ideal_masks, in_view, project, rotation_z
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import ideal_masks, in_view
+from lmmap.geometry.projection import project
+from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator, markers_box_px
 from lmmap.pipeline.network import Filter

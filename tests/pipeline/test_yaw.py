@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import CAMERA, PORT, WIDE, pose, visible_poses
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, projection, rotations
+from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import circle, yaw
 from lmmap.settings import OURS
 from lmmap.types import Pose
@@ -14,18 +15,18 @@ both = pytest.mark.parametrize("find", [yaw.fast_yaw, yaw.paper_yaw], ids=["fast
 
 
 def candidates(T, camera=CAMERA):
-    e = projection.circle_ellipse(T, PORT.ring_radius_m, camera)
+    e = conics.circle_ellipse(T, PORT.ring_radius_m, camera)
     return circle.poses(e, camera, PORT.ring_radius_m)
 
 
 def mask_of(T, camera=CAMERA, noise=0.05, seed=0):
     rng = np.random.default_rng(seed)
-    mask = cv2.GaussianBlur(projection.ideal_masks(T, PORT, camera, 3)[1], (0, 0), 0.7)
+    mask = cv2.GaussianBlur(ideal_masks(T, PORT, camera, 3)[1], (0, 0), 0.7)
     return (mask + noise * rng.standard_normal(mask.shape)).clip(0, 1).astype(np.float32)
 
 
 def error_deg(T, truth):
-    return np.rad2deg(projection.rotation_between_rad(T.rotation, truth.rotation, PORT.yaw_period_rad))
+    return np.rad2deg(rotations.rotation_between_rad(T.rotation, truth.rotation, PORT.yaw_period_rad))
 
 
 def spread(count, min_tilt_deg, max_tilt_deg, max_distance_m=0.8):
@@ -58,7 +59,7 @@ def test_the_papers_grid_is_as_good_as_its_step():
 @settings(max_examples=15)
 @given(T=visible_poses(min_tilt_deg=10, max_tilt_deg=50, max_distance_m=0.8), turn=st.integers(0, 5))
 def test_a_third_of_a_turn_changes_nothing(find, T, turn):
-    turned = Pose(T.rotation @ projection.rotation_z(turn * PORT.yaw_period_rad), T.position_m)
+    turned = Pose(T.rotation @ rotations.rotation_z(turn * PORT.yaw_period_rad), T.position_m)
     mask, pair = mask_of(T, noise=0), candidates(T)
     one, two = find(mask, pair, PORT, CAMERA), find(mask_of(turned, noise=0), pair, PORT, CAMERA)
     assert error_deg(one.T_cam_port, two.T_cam_port) < 1e-6
@@ -69,7 +70,7 @@ def test_a_third_of_a_turn_changes_nothing(find, T, turn):
 @given(visible_poses(min_tilt_deg=10, max_tilt_deg=50, max_distance_m=0.8), st.floats(0, 2 * np.pi))
 def test_the_candidates_own_yaw_does_not_matter(T, start):
     mask, pair = mask_of(T), candidates(T)
-    turned = Pose(pair.rotation @ projection.rotation_z(start), pair.position_m)
+    turned = Pose(pair.rotation @ rotations.rotation_z(start), pair.position_m)
     one, two = (yaw.fast_yaw(mask, c, PORT, CAMERA) for c in (pair, turned))
     assert error_deg(one.T_cam_port, two.T_cam_port) < 0.25
 
@@ -88,7 +89,7 @@ def test_position_and_normal_are_those_of_the_candidates(find):
 @both
 def test_a_perfect_mask_scores_nearly_one(find):
     T = pose((170, 120), 0.4, 0.5, 1.0, 2.0)
-    fit = find(projection.ideal_masks(T, PORT, CAMERA)[1], candidates(T), PORT, CAMERA)
+    fit = find(ideal_masks(T, PORT, CAMERA)[1], candidates(T), PORT, CAMERA)
     assert 0.9 < fit.score <= 1
     assert fit.rival_score < 0.6
 
@@ -137,7 +138,7 @@ def test_misuse_is_named(find):
 
 def test_the_score_is_the_share_of_the_markers_that_is_lit():
     T = pose((170, 120), 0.4, 0.5, 1.0, 2.0)
-    mask = projection.ideal_masks(T, PORT, CAMERA)[1]
+    mask = ideal_masks(T, PORT, CAMERA)[1]
     one_marker = projection.project(T @ PORT.marker_corners_m()[0], CAMERA)
     dark = cv2.fillConvexPoly(mask.copy(), np.round(one_marker).astype(np.int32), 0)
     batch = Pose(T.rotation[None], T.position_m[None])
@@ -170,7 +171,7 @@ def test_margin_is_small_where_the_normals_merge_and_large_where_they_part(find)
 def test_a_yaw_is_unknown_where_another_explains_the_mask_as_well():
     """Markers at the true yaw, and fainter and fainter ones half a period on."""
     T, margins = pose((170, 120), 0.4, 0.3, 1.0, 2.0), []
-    turned = Pose(T.rotation @ projection.rotation_z(PORT.yaw_period_rad / 2), T.position_m)
+    turned = Pose(T.rotation @ rotations.rotation_z(PORT.yaw_period_rad / 2), T.position_m)
     for share in (0.0, 0.4, 0.7, 0.95):
         fit = yaw.fast_yaw(np.maximum(mask_of(T), share * mask_of(turned)), candidates(T), PORT, CAMERA)
         assert (fit.yaw_margin >= OURS.min_yaw_margin) == (share < 0.9)

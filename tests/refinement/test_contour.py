@@ -5,14 +5,16 @@ import numpy as np
 import pytest
 from strategies import CAMERA, PORT, WIDE, pose
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, projection
+from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import circle, ellipse
+from lmmap.pipeline.ring import skeleton_points
 from lmmap.refinement import contour
 from lmmap.types import Ellipse
 
 
 def mask_of(T, rng, camera=CAMERA, blur_px=0.8, noise=0.03):
-    mask = cv2.GaussianBlur(projection.ideal_masks(T, PORT, camera)[0], (0, 0), blur_px)
+    mask = cv2.GaussianBlur(ideal_masks(T, PORT, camera)[0], (0, 0), blur_px)
     return (mask + noise * rng.standard_normal(mask.shape)).clip(0, 1).astype(np.float32)
 
 
@@ -34,7 +36,7 @@ def test_refinement_on_the_mask_is_sub_pixel_and_better_than_the_skeleton():
     errors = []
     for T in TILTED:
         mask = mask_of(T, rng)
-        coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+        coarse, _ = ellipse.fit_ransac(skeleton_points(mask), rng)
         fine = contour.trace(coarse, mask, 0.25 * coarse.semi_axes_px[0]).ellipse
         errors.append((pose_error(fine, T), pose_error(coarse, T)))
     fine, coarse = np.moveaxis(errors, 1, 0)
@@ -46,12 +48,12 @@ def test_refinement_on_the_mask_is_sub_pixel_and_better_than_the_skeleton():
 def test_refinement_bears_a_missing_arc_and_a_second_blob(T):
     rng = np.random.default_rng(0)
     mask = mask_of(T, rng)
-    around = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(8)
+    around = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(8)
     u, v = np.round(around[0]).astype(int)
     mask[v - 12 : v + 12, u - 12 : u + 12] = 0
     u, v = np.round(around[4] * 0.8 + T_centre(T) * 0.2).astype(int)
     mask[v - 5 : v + 5, u - 5 : u + 5] = 1
-    coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+    coarse, _ = ellipse.fit_ransac(skeleton_points(mask), rng)
     fine = contour.trace(coarse, mask, 0.25 * coarse.semi_axes_px[0]).ellipse
     assert pose_error(fine, T)[0] < 0.4
 
@@ -70,14 +72,14 @@ def test_refinement_recovers_where_something_sticks_to_the_stroke():
     # a patch along 50 deg of the inner edge leads the skeleton, and the first ellipse, astray
     rng, errors = np.random.default_rng(0), []
     for T in TILTED[:3]:
-        truth = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+        truth = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
         around = truth.points(360)
         for start in range(0, 360, 60):
             mask = mask_of(T, rng)
             stuck = truth.centre_px + 0.86 * (around[start : start + 50] - truth.centre_px)
             for u, v in np.round(stuck).astype(int):
                 mask[v - 2 : v + 3, u - 2 : u + 3] = 1
-            coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+            coarse, _ = ellipse.fit_ransac(skeleton_points(mask), rng)
             fine = contour.trace(coarse, mask, 0.25 * coarse.semi_axes_px[0]).ellipse
             errors.append(pose_error(fine, T)[0])
     assert np.mean(np.array(errors) < 0.2) >= 0.85
@@ -86,7 +88,7 @@ def test_refinement_recovers_where_something_sticks_to_the_stroke():
 @pytest.mark.parametrize("T", TILTED)
 def test_a_lens_that_distorts_changes_nothing(T):
     rng = np.random.default_rng(0)
-    start = projection.circle_ellipse(T, PORT.ring_radius_m, WIDE)
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, WIDE)
     start = Ellipse(start.centre_px + np.array([0.8, -0.6]), 1.01 * start.semi_axes_px, start.angle_rad)
     found = contour.trace(start, mask_of(T, rng, WIDE), 0.25 * start.semi_axes_px[0], WIDE)
     solved = circle.poses(found.ellipse, WIDE, PORT.ring_radius_m)
@@ -99,7 +101,7 @@ def test_an_ellipse_traced_on_the_distorted_image_is_wrong():
     """The control: the same mask, its distortion forgotten."""
     T, rng = TILTED[0], np.random.default_rng(0)
     mask = mask_of(T, rng, WIDE)
-    coarse, _ = ellipse.fit_ransac(ellipse.skeleton_points(mask), rng)
+    coarse, _ = ellipse.fit_ransac(skeleton_points(mask), rng)
     solved = circle.poses(contour.trace(coarse, mask, 12.0).ellipse, WIDE, PORT.ring_radius_m)
     assert 1e3 * np.linalg.norm(solved.position_m - T.position_m, axis=-1).min() > 4.0
 
@@ -115,5 +117,5 @@ def test_sigma_is_the_scatter_of_the_points():
 
 def _mask_with_scatter():
     T = TILTED[0]
-    start = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
     return start, mask_of(T, np.random.default_rng(0), noise=0.1), 0.25 * start.semi_axes_px[0]

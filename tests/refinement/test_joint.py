@@ -6,8 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from strategies import CAMERA, PORT, WIDE, pose
 
-from lmmap.geometry import projection
-from lmmap.geometry.projection import rotation_between_rad
+from lmmap.geometry import conics
+from lmmap.geometry.port import ideal_masks
+from lmmap.geometry.rotations import rotation_between_rad
 from lmmap.pipeline import circle, yaw
 from lmmap.refinement import contour, joint
 from lmmap.types import Pose
@@ -17,14 +18,14 @@ RING_PX, MARKER_PX = 0.5, 0.7
 
 def masks_of(T, seed, camera=CAMERA):
     rng = np.random.default_rng(seed)
-    masks = [cv2.GaussianBlur(m, (0, 0), 0.8) for m in projection.ideal_masks(T, PORT, camera)]
+    masks = [cv2.GaussianBlur(m, (0, 0), 0.8) for m in ideal_masks(T, PORT, camera)]
     return [(m + 0.05 * rng.standard_normal(m.shape)).clip(0, 1).astype(np.float32) for m in masks]
 
 
 def solved(T, seed, camera=CAMERA):
     """The pose of ring and yaw, and the joint refinement of it."""
     ring, markers = masks_of(T, seed, camera)
-    start = projection.circle_ellipse(T, PORT.ring_radius_m, camera)
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, camera)
     found = contour.trace(start, ring, 0.25 * start.semi_axes_px[0], camera)
     pair = circle.poses(found.ellipse, camera, PORT.ring_radius_m)
     fit = yaw.fast_yaw(markers, pair, PORT, camera)
@@ -54,7 +55,7 @@ def test_head_on_it_cuts_the_error_and_elsewhere_it_does_no_harm():
 def test_it_returns_from_a_disturbed_start(camera):
     T = pose((180, 120), 0.5, np.deg2rad(20), 1.0, 2.0)
     markers = masks_of(T, 0, camera)[1]
-    points = projection.circle_ellipse(T, PORT.ring_radius_m, camera).points(150)
+    points = conics.circle_ellipse(T, PORT.ring_radius_m, camera).points(150)
     turn = Rotation.from_rotvec(np.deg2rad([2.0, -1.5, 1.0])).as_matrix()
     start = Pose(turn @ T.rotation, T.position_m + np.array([0.002, -0.001, 0.004]))
     found = joint.refine(start, points, markers, PORT, camera, RING_PX, MARKER_PX)
@@ -64,7 +65,7 @@ def test_it_returns_from_a_disturbed_start(camera):
 
 def test_a_mask_that_is_too_wide_on_all_sides_turns_nothing():
     T = pose((180, 120), 0.4, np.deg2rad(20), 1.0, 2.0)
-    points = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
+    points = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
     wide = cv2.dilate(masks_of(T, 0)[1], np.ones((3, 3), np.uint8))
     found = joint.refine(T, points, wide, PORT, CAMERA, RING_PX, MARKER_PX)
     assert np.all(np.array(error(found.T_cam_port, T)) < [0.5, 2.0])
@@ -80,6 +81,6 @@ def test_the_covariance_is_one_and_better_than_the_rings_alone():
 
 def test_without_markers_there_is_nothing_to_join():
     T = pose((180, 120), 0.5, 0.3)
-    points = projection.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
+    points = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
     for mask in (np.zeros((260, 346)), np.ones((260, 346))):
         assert joint.refine(T, points, mask, PORT, CAMERA, RING_PX, MARKER_PX) is None

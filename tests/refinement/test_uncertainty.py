@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from strategies import CAMERA, pose, visible_poses
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics, rotations
 from lmmap.pipeline import circle, ellipse
 from lmmap.provenance import DATA
 from lmmap.refinement import uncertainty
@@ -22,7 +22,7 @@ NU, SIGMA_PX = 0.08, 0.5
 
 
 def known(T, count=250, sigma_px=SIGMA_PX, **options):
-    points = projection.circle_ellipse(T, NU, CAMERA).points(count)
+    points = conics.circle_ellipse(T, NU, CAMERA).points(count)
     return uncertainty.pose_uncertainty(T, points, sigma_px, NU, CAMERA, **options)
 
 
@@ -38,7 +38,7 @@ def test_the_covariance_holds_the_pose_too(tilt_deg):
     """Five degrees of freedom in the pose itself; head-on wide, never too narrow."""
     rng, inside = np.random.default_rng(1), []
     T = pose((200, 110), 0.6, np.deg2rad(tilt_deg), 0.7)
-    points = projection.circle_ellipse(T, NU, CAMERA).points(250)
+    points = conics.circle_ellipse(T, NU, CAMERA).points(250)
     for _ in range(150):
         e = ellipse.fit(points + SIGMA_PX * rng.standard_normal(points.shape))
         pair = circle.poses(e, CAMERA, NU)
@@ -53,11 +53,11 @@ def test_the_covariance_holds_the_pose_too(tilt_deg):
 @given(visible_poses(min_tilt_deg=15, max_tilt_deg=60))
 def test_far_from_head_on_it_is_the_jacobians(T):
     """Central differences of `circle.poses`' inverse, the projection, give the same information."""
-    points = projection.circle_ellipse(T, NU, CAMERA).points(100)
+    points = conics.circle_ellipse(T, NU, CAMERA).points(100)
 
     def displaced(step):
         turned = Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T.rotation, T.position_m + step[:3])
-        C = projection.circle_conic(turned, NU, CAMERA)
+        C = conics.circle_conic(turned, NU, CAMERA)
         x = np.column_stack([points, np.ones(len(points))])
         return np.sum(x @ C * x, 1) / (2 * np.linalg.norm((x @ C)[:, :2], axis=1))
 
@@ -89,11 +89,11 @@ def test_it_is_a_covariance_and_yaw_adds_only_about_the_normal(T, yaw_sigma_rad)
 
 @given(visible_poses(min_tilt_deg=1), st.floats(-np.pi, np.pi))
 def test_turning_the_camera_about_its_axis_turns_the_covariance(T, turn):
-    R = projection.rotation_z(turn)
+    R = rotations.rotation_z(turn)
     turned = Pose(R @ T.rotation, R @ T.position_m)
     wide = Camera(346, 260, 324.0, 324.0, 172.5, 129.5)
     both = np.kron(np.eye(2), R)
-    points = [projection.circle_ellipse(p, NU, wide).points(720) for p in (T, turned)]
+    points = [conics.circle_ellipse(p, NU, wide).points(720) for p in (T, turned)]
     a, b = (
         uncertainty.pose_uncertainty(p, x, 0.3, NU, wide) for p, x in zip((T, turned), points, strict=True)
     )
@@ -117,7 +117,7 @@ def test_the_charts_error_is_zero_for_the_same_circle_only(a, b):
 
 def test_the_other_branch_has_the_same_chart():
     T = pose((200, 110), 0.6, 0.5, 0.7)
-    pair = circle.poses(projection.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+    pair = circle.poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
     np.testing.assert_allclose(uncertainty.chart_error(pair[0], pair[1], NU, CAMERA), 0, atol=1e-7)
 
 
@@ -152,7 +152,7 @@ def test_the_regions_hold_what_they_promise_in_every_light():
 
 def test_misuse_is_named():
     T = pose((172.5, 129.5), 0.6, 0.3)
-    points = projection.circle_ellipse(T, NU, CAMERA).points(50)
+    points = conics.circle_ellipse(T, NU, CAMERA).points(50)
     with pytest.raises(ValueError, match="points_px: expected"):
         uncertainty.pose_uncertainty(T, points[:4], 0.5, NU, CAMERA)
     with pytest.raises(ValueError, match="points_px: expected"):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from strategies import PORT
 
 from lmmap.bench.laboratory import sequence, sequence_motion
-from lmmap.geometry.projection import rotation_between_rad, rotation_z
+from lmmap.geometry.rotations import rotation_between_rad, rotation_z
 from lmmap.rig import hand_eye as handeye
 from lmmap.rig import standin
 from lmmap.rig.calibration import calibrate_rig, collect_detections

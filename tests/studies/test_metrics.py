@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PORT, rigid_poses, rotations, seeds
 
-from lmmap.geometry.projection import rotation_z
+from lmmap.geometry.rotations import rotation_z
 from lmmap.studies import metrics
 from lmmap.types import Pose, Trajectory
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lmmap.geometry.projection import rotation_z
+from lmmap.geometry.rotations import rotation_z
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.studies import odometry
 from lmmap.types import Estimate, Port, Pose, Status, Trajectory

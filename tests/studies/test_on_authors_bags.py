@@ -10,7 +10,7 @@ from test_authors_bags import brief, run
 
 from lmmap import provenance
 from lmmap.files import CAMERA
-from lmmap.pipeline.network import weight_path
+from lmmap.pipeline.weights import weight_path
 from lmmap.recordings.stream import Source, Stream
 from lmmap.rig import authors_bags, standin
 from lmmap.rig.rig import RIG_FILE

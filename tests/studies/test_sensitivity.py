@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import CAMERA, PORT, pose
 
-from lmmap.geometry import projection
+from lmmap.geometry import conics
 from lmmap.studies import sensitivity
 
 F, NU = CAMERA.fx_px, PORT.ring_radius_m
@@ -12,7 +12,7 @@ F, NU = CAMERA.fx_px, PORT.ring_radius_m
 
 @given(st.floats(0.2, 2), st.floats(0, 1.5))
 def test_the_minor_axis_is_that_of_the_projected_circle(distance, tilt):
-    ellipse = projection.circle_ellipse(pose((172.5, 129.5), distance, tilt), NU, CAMERA)
+    ellipse = conics.circle_ellipse(pose((172.5, 129.5), distance, tilt), NU, CAMERA)
     expected = 2 * ellipse.semi_axes_px[1]
     assert sensitivity.minor_axis_px(distance, tilt, F, NU) == pytest.approx(expected, rel=1e-6)
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from strategies import PORT, pose, seeds
 
-from lmmap.geometry.projection import rotation_between_rad, rotation_z
+from lmmap.geometry.rotations import rotation_between_rad, rotation_z
 from lmmap.settings import OURS, MotionSettings
 from lmmap.tracking import fusion
 from lmmap.tracking.fusion import Fusion, fuse

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PORT
 
-from lmmap.geometry.projection import rotation_z
+from lmmap.geometry.rotations import rotation_z
 from lmmap.settings import OURS
 from lmmap.tracking.outliers import certain, outlier_filter
 from lmmap.types import Estimate, Pose, Status

@@ -5,7 +5,7 @@ import pytest
 
 from lmmap.bench import labels, laboratory
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.network import DOMAIN_GAPS
+from lmmap.pipeline.weights import DOMAIN_GAPS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER

@@ -7,8 +7,9 @@ import pytest
 import strategies
 from hypothesis import given
 
-from lmmap.geometry.projection import ideal_masks
-from lmmap.pipeline.network import CHANNELS, FILTERS
+from lmmap.geometry.port import ideal_masks
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import FILTERS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.training.mask_quality import (

@@ -8,8 +8,8 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from lmmap.pipeline import network
-from lmmap.pipeline.network import weight_path
+from lmmap.pipeline import network, weights
+from lmmap.pipeline.weights import weight_path
 from lmmap.training import augment, dataset, train
 from lmmap.training.recipe import Recipe
 from lmmap.types import InputError
@@ -32,7 +32,7 @@ def toy(tmp_path, monkeypatch, rng):
             line[: len(pixels)] = pixels
         arrays = dict(rgb=np.repeat(30 * counts[..., None], 3, -1).astype(np.uint8), rgb_labels=labels)
         dataset.write_samples(tmp_path / name, {**arrays, "event": events, "event_labels": labels}, "toy")
-    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in network.DOMAIN_GAPS})
+    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.DOMAIN_GAPS})
     monkeypatch.setattr(network, "WEIGHTS", tmp_path)
     return tmp_path
 
@@ -135,10 +135,10 @@ def test_without_its_checkpoint_a_longer_run_can_go_on_from_the_weights(toy):
     longer = Recipe("ring", "event", steps=4, batch=2, warm_up=1, rate=1e-9, restart=(3,))
     train.train(replace(ended, rate=longer.rate), toy, quiet)
     path = weight_path("ring", "event")
-    first, sha256 = network.load_weights(path, "event"), network.load_card(path)["sha256"]
+    first, sha256 = weights.load_weights(path, "event"), weights.load_card(path)["sha256"]
     (toy / "ring-event-low-0.ckpt.safetensors").unlink()
     train.train(longer, toy, quiet, go_on=True)
-    last, curve = network.load_weights(path, "event"), network.load_card(path)["curve"]
+    last, curve = weights.load_weights(path, "event"), weights.load_card(path)["curve"]
     assert all(torch.allclose(first[k], last[k], atol=1e-6) for k in first)
     assert [p["step"] for p in curve] == [3, 4] and curve[0]["went_on_from"] == sha256
     (toy / "ring-event-low-0.ckpt.safetensors").unlink()
@@ -183,7 +183,7 @@ def test_learns_a_bright_square_and_says_how(toy, modality):
     assert card["bench"] == "toy"
     assert "step 40 of 40" in lines[-1]
     image = dataset.Samples(["augmented-4"], "ring", modality, toy).image(0)
-    assert network.load_filter(path, modality)(image).shape == SHAPE
+    assert weights.load_filter(path, modality)(image).shape == SHAPE
 
 
 def test_a_run_may_start_from_other_weights(toy):
@@ -191,10 +191,10 @@ def test_a_run_may_start_from_other_weights(toy):
     recipe = Recipe("ring", "event", "robust", steps=1, batch=2, rate=0.0, start_from="low")
     path = train.train(recipe, toy, quiet)
     first, last = (
-        network.load_weights(toy / f"ring-event-{gap}.safetensors", "event") for gap in ("low", "robust")
+        weights.load_weights(toy / f"ring-event-{gap}.safetensors", "event") for gap in ("low", "robust")
     )
     assert all(torch.equal(first[k], last[k]) for k in first)
-    assert network.load_card(path)["command"].endswith("--start-from low")
+    assert weights.load_card(path)["command"].endswith("--start-from low")
 
 
 def test_a_recipe_refuses_what_it_does_not_know():
@@ -221,7 +221,7 @@ def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
 
 def test_what_ships_is_made_by_the_default_command():
     """`lmmap train` without --steps repeats each shipped card's training."""
-    for card in sorted(network.WEIGHTS.glob("*.json")):
+    for card in sorted(weights.WEIGHTS.glob("*.json")):
         recipe = json.loads(card.read_text())["recipe"]
         asked = recipe["filter"], recipe["modality"], recipe["domain_gap"]
         default = Recipe.shipped(*asked)

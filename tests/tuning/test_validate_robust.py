@@ -8,7 +8,7 @@ from strategies import PORT, pose
 from validation_conditions import CONDITIONS, covered
 
 from lmmap.bench import labels, renderer, sequences
-from lmmap.geometry.projection import circle_ellipse
+from lmmap.geometry.conics import circle_ellipse
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment
 from lmmap.types import Ellipse, Status

@@ -1,0 +1,39 @@
+"""Rotations and angles between orientations, also of an object that looks alike at several yaws."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def rotation_z(angle_rad) -> np.ndarray:
+    """Rotations about z, (...) -> (..., 3, 3)."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    o, i = np.zeros_like(c), np.ones_like(c)
+    return np.stack([np.stack([c, -s, o], -1), np.stack([s, c, o], -1), np.stack([o, o, i], -1)], -2)
+
+
+def rotation_angle_rad(rotation) -> np.ndarray:
+    """Angles of rotation matrices in [0, pi], (..., 3, 3) -> (...); accurate near zero too."""
+    R = np.asarray(rotation)
+    skew = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]]
+    return np.arctan2(np.linalg.norm(skew, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1)
+
+
+def rotation_vector(R) -> np.ndarray:
+    """Rotation vectors (..., 3) of matrices (..., 3, 3): axis times angle; zero at exactly half a turn."""
+    sine = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]] / 2
+    length = np.linalg.norm(sine, axis=-1)
+    angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
+    return sine * (angle / np.maximum(length, 1e-12))[..., None]
+
+
+def equal_turns(yaw_period_rad: float) -> np.ndarray:
+    """Rotations about z that an object which repeats every ``yaw_period_rad`` does not show, (K, 3, 3)."""
+    return rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
+
+
+def rotation_between_rad(R_a, R_b, yaw_period_rad: float) -> np.ndarray:
+    """Smallest angle between orientations of an object that repeats every ``yaw_period_rad`` about its
+    own z axis, (..., 3, 3) x 2 -> (...)."""
+    relative = np.swapaxes(R_a, -1, -2) @ R_b
+    return np.min(rotation_angle_rad(relative[..., None, :, :] @ equal_turns(yaw_period_rad)), -1)

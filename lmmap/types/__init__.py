@@ -1,0 +1,31 @@
+"""The words that every wing uses: cameras, ports, poses, ellipses, events, recordings, estimates.
+
+Frames: ``cam`` has x right, y down, z forward.  ``port`` has its origin at the ring's centre in the ring's
+plane, z out of the port toward the visitor and x through marker 0.  ``T_a_b`` maps b-coordinates to a.  Units
+are metres, pixels, radians and microseconds unless a name says otherwise; integer pixel coordinates are pixel
+centres.
+"""
+
+from ..camera_files import InputError
+from .arrays import frozen_array
+from .camera import Camera
+from .ellipse import Ellipse
+from .estimate import Estimate, Status
+from .port import Port
+from .pose import Pose, Trajectory
+from .recording import EVENT, AnyRecording, Recording
+
+__all__ = [
+    "EVENT",
+    "AnyRecording",
+    "Camera",
+    "Ellipse",
+    "Estimate",
+    "InputError",
+    "Port",
+    "Pose",
+    "Recording",
+    "Status",
+    "Trajectory",
+    "frozen_array",
+]

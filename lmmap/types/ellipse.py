@@ -1,0 +1,31 @@
+"""Ellipses in the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .arrays import frozen_array
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Ellipses in the image: ``centre_px (..., 2)``, ``semi_axes_px (..., 2)`` with major first,
+    ``angle_rad (...)`` from +u to the major axis, modulo pi."""
+
+    centre_px: np.ndarray
+    semi_axes_px: np.ndarray
+    angle_rad: np.ndarray
+
+    def __post_init__(self):
+        for f in fields(self):
+            object.__setattr__(self, f.name, frozen_array(getattr(self, f.name)))
+
+    def points(self, count: int = 360) -> np.ndarray:
+        """Points on the contour, shape (..., count, 2)."""
+        s = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        a, b = self.semi_axes_px[..., :1], self.semi_axes_px[..., 1:]
+        c, d = np.cos(self.angle_rad)[..., None], np.sin(self.angle_rad)[..., None]
+        local = np.stack([a * np.cos(s) * c - b * np.sin(s) * d, a * np.cos(s) * d + b * np.sin(s) * c], -1)
+        return self.centre_px[..., None, :] + local

@@ -1,0 +1,81 @@
+"""Rigid transforms, and a sequence of them over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from .arrays import frozen_array
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Rigid transforms ``T_a_b``: ``rotation (..., 3, 3)`` and ``position_m (..., 3)``."""
+
+    rotation: np.ndarray
+    position_m: np.ndarray
+
+    def __post_init__(self):
+        for f in fields(self):
+            object.__setattr__(self, f.name, frozen_array(getattr(self, f.name)))
+
+    @classmethod
+    def identity(cls) -> Pose:
+        return cls(np.eye(3), np.zeros(3))
+
+    def __matmul__(self, other):
+        """``T_a_b @ T_b_c -> T_a_c`` and ``T_a_b @ p_b -> p_a`` for points of shape (..., 3)."""
+        if isinstance(other, Pose):
+            return Pose(self.rotation @ other.rotation, self @ other.position_m)
+        return np.einsum("...ij,...j->...i", self.rotation, other) + self.position_m
+
+    def __getitem__(self, index) -> Pose:
+        return Pose(self.rotation[index], self.position_m[index])
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    @property
+    def inverse(self) -> Pose:
+        rotation = np.swapaxes(self.rotation, -1, -2)
+        return Pose(rotation, -np.einsum("...ij,...j->...i", rotation, self.position_m))
+
+    @property
+    def normal(self) -> np.ndarray:
+        """The b-frame's z axis in a, shape (..., 3): the port's normal for ``T_cam_port``."""
+        return self.rotation[..., :, 2]
+
+    @property
+    def quaternion_xyzw(self) -> np.ndarray:
+        return Rotation.from_matrix(self.rotation).as_quat(canonical=True)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses ``T_cam_port`` at strictly increasing times ``t_us (N,)``."""
+
+    t_us: np.ndarray
+    T_cam_port: Pose
+
+    def __post_init__(self):
+        object.__setattr__(self, "t_us", frozen_array(self.t_us, np.int64))
+        if len(self.t_us) != len(self.T_cam_port):
+            raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.T_cam_port)} poses")
+        if np.any(np.diff(self.t_us) <= 0):
+            raise ValueError("Trajectory: times must increase strictly")
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+    def at(self, t_us) -> Pose:
+        """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it."""
+        t = np.asarray(t_us)
+        if t.size and (t.min() < self.t_us[0] or t.max() > self.t_us[-1]):
+            raise ValueError(f"Trajectory: asked outside [{self.t_us[0]}, {self.t_us[-1]}] us")
+        seconds = (self.t_us - self.t_us[0]) * 1e-6
+        rotations = Slerp(seconds, Rotation.from_matrix(self.T_cam_port.rotation))
+        s = (t - self.t_us[0]) * 1e-6
+        position = np.stack([np.interp(s, seconds, c) for c in self.T_cam_port.position_m.T], -1)
+        return Pose(rotations(s).as_matrix(), position)

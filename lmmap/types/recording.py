@@ -1,0 +1,49 @@
+"""Events and frames of one camera: in memory, or as any stream that has the same face."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .camera import Camera
+from .pose import Trajectory
+
+EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One camera's recording: ``events (M,) EVENT`` sorted by time, ``frames (N, H, W, 3)`` u8 RGB at
+    ``frames_t_us (N,)`` (middle of the exposure), and the true trajectory where it is known."""
+
+    name: str
+    camera: Camera
+    events: np.ndarray
+    frames: np.ndarray
+    frames_t_us: np.ndarray
+    truth: Trajectory | None = None
+
+    def chunks(self):
+        """Yield the events in one piece, as a `streams.Stream` yields its own in many."""
+        yield self.events
+
+    def timed_frames(self):
+        """Yield ``(t_us, frame)``."""
+        yield from zip(self.frames_t_us.tolist(), self.frames, strict=True)
+
+
+class AnyRecording(Protocol):
+    """What a `Recording` in memory and a stream from a file have in common."""
+
+    name: str
+    camera: Camera
+    truth: Trajectory | None
+
+    def chunks(self) -> Iterator[np.ndarray]:
+        """Chunks (M,) EVENT in the order of time."""
+
+    def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
+        """``(t_us, (H, W, 3) u8)`` in the order of time."""
