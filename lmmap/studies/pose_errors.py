@@ -1,4 +1,4 @@
-"""The paper's accuracy study: errors, detection rates and intervals of recordings, and the paper's table."""
+"""Errors, detection rates and intervals of recordings, and the paper's Table I beside them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from ..provenance import DATA
 from ..recordings.pose_files import stacked
 from ..settings import PAPER
 from ..tracking.outliers import certain, outlier_filter, sigmas
-from ..types import Estimate, Port, Recording
+from ..types import Estimate, Port, Pose, Recording
 from . import bootstrap
 from .metrics import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
 
 LIGHTS, MODALITIES, DOMAIN_GAPS = ("low", "medium", "high"), ("rgb", "event"), ("low", "high")
-TRACKS = (*MODALITIES, "fused")  # whose estimates are judged
+TRACKS = (*MODALITIES, "fused")  # the estimates that are judged
 METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
-VARIANTS = {  # prefix of the errors' columns, who is taken at all, whom the outlier filter keeps
+PREDICTIONS = ["position_sigma_m", "normal_sigma_deg", "nees"]
+VARIANTS = {  # prefix of the errors' columns, column that selects poses, column of those that are kept
     "exact": ("", None, "kept"),
     "printed": ("paper_", None, "paper_kept"),
     "certain": ("", "certain", "certain_kept"),
@@ -33,44 +34,59 @@ BLOCK_S = 5.0  # of the bootstrap: a quarter of the test motion's mean period, a
 
 
 def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
-    """One row per estimate, NaN where there is no pose.
+    """Errors of the estimates within the time of the recording's truth, one row each.
 
     Returns
     -------
     DataFrame
-        ``t_us, status, in_view``; errors of our pose and of the paper's formula (``paper_``) on the same
-        ellipse; whom the outlier filter keeps of either (``kept, paper_kept``); ``certain``, and whom it
-        keeps of those; what the covariance promises (``position_sigma_m, normal_sigma_deg``), and the
-        squared Mahalanobis distance of the true pose (``nees``, chi-square with 6 degrees of freedom).
+        ``t_us, status, in_view``, the last for images that show the whole ring.  `METRICS` of our pose and,
+        with the prefix ``paper_``, of the pose by the printed formula on the same ellipse; NaN where there is
+        no pose.  ``kept`` and ``paper_kept``: whether the outlier filter keeps the pose; ``certain`` and
+        ``certain_kept``: whether the covariance is small, and the filter keeps the pose among those.
+        `PREDICTIONS`: the covariance's standard deviations, and the squared Mahalanobis distance of the true
+        pose (chi-square with 6 degrees of freedom).
     """
-    known, truth = true_poses(recording, estimates)
-    printed = [replace(e, T_cam_port=e.paper) for e in known]
-    table = pd.DataFrame({"t_us": [e.t_us for e in known], "status": [str(e.status) for e in known]})
-    table["in_view"] = in_view(truth, port, recording.camera)
-    table["certain"] = sure = certain([e if e.covariance is not None else replace(e, T_cam_port=None)
-                                       for e in known])  # fmt: skip
-    sure_ones = [e if s else replace(e, T_cam_port=None) for e, s in zip(known, sure, strict=True)]
-    for name, some in (("kept", known), ("paper_kept", printed), ("certain_kept", sure_ones)):
-        table[name] = outlier_filter(some, port.yaw_period_rad)
-    for prefix, some in (("", known), ("paper_", printed)):
-        found = np.array([e.T_cam_port is not None for e in some], bool)
-        ours = stacked([e.T_cam_port for e in some if e.T_cam_port is not None])
-        values = (position_error_m(ours, truth[found]), np.rad2deg(normal_error_rad(ours, truth[found])),
-                  np.rad2deg(rotation_error_rad(ours, truth[found], port.yaw_period_rad)))  # fmt: skip
-        for metric, value in zip(METRICS, values, strict=True):
-            table[prefix + metric] = np.nan
-            table.loc[found, prefix + metric] = value
-    promised = ["position_sigma_m", "normal_sigma_deg", "nees"]
-    table[promised] = np.nan
-    having = np.array([e.T_cam_port is not None and e.covariance is not None for e in known], bool)
-    if having.any():
-        some = [e for e, has in zip(known, having, strict=True) if has]
-        d = pose_difference(stacked([e.T_cam_port for e in some]), truth[having], port.yaw_period_rad)
-        nees = [x @ np.linalg.solve(e.covariance, x) for x, e in zip(d, some, strict=True)]
-        table.loc[having, promised] = np.column_stack(
-            [np.array([sigmas(e) for e in some]) * [1, 180 / np.pi], nees]
-        )
+    estimates, truth = true_poses(recording, estimates)
+    printed = [replace(e, T_cam_port=e.paper) for e in estimates]
+    with_covariance = [e if e.covariance is not None else replace(e, T_cam_port=None) for e in estimates]
+    is_certain = certain(with_covariance)
+    pairs = zip(estimates, is_certain, strict=True)
+    certain_only = [e if keep else replace(e, T_cam_port=None) for e, keep in pairs]
+    table = pd.DataFrame({"t_us": [e.t_us for e in estimates], "status": [str(e.status) for e in estimates]})
+    table["in_view"], table["certain"] = in_view(truth, port, recording.camera), is_certain
+    variants = {"kept": estimates, "paper_kept": printed, "certain_kept": certain_only}
+    for column, variant in variants.items():
+        table[column] = outlier_filter(variant, port.yaw_period_rad)
+    for prefix, variant in (("", estimates), ("paper_", printed)):
+        table[[prefix + metric for metric in METRICS]] = _error_values(variant, truth, port)
+    table[PREDICTIONS] = _predictions(estimates, truth, port)
     return table
+
+
+def _error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarray:
+    """`METRICS` (N, 3) of estimates; rows without a pose are NaN."""
+    values = np.full((len(estimates), len(METRICS)), np.nan)
+    has_pose = np.array([e.T_cam_port is not None for e in estimates], bool)
+    poses, truth = stacked([e.T_cam_port for e in estimates if e.T_cam_port is not None]), truth[has_pose]
+    values[has_pose] = np.column_stack([
+        position_error_m(poses, truth), np.rad2deg(normal_error_rad(poses, truth)),
+        np.rad2deg(rotation_error_rad(poses, truth, port.yaw_period_rad)),
+    ])  # fmt: skip
+    return values
+
+
+def _predictions(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarray:
+    """`PREDICTIONS` (N, 3) of estimates; rows without a covariance are NaN."""
+    values = np.full((len(estimates), len(PREDICTIONS)), np.nan)
+    has_both = np.array([e.T_cam_port is not None and e.covariance is not None for e in estimates], bool)
+    predicted = [e for e, has in zip(estimates, has_both, strict=True) if has]
+    if predicted:
+        poses = stacked([e.T_cam_port for e in predicted])
+        differences = pose_difference(poses, truth[has_both], port.yaw_period_rad)
+        nees = [d @ np.linalg.solve(e.covariance, d) for d, e in zip(differences, predicted, strict=True)]
+        deviations = np.array([sigmas(e) for e in predicted]) * [1, 180 / np.pi]
+        values[has_both] = np.column_stack([deviations, nees])
+    return values
 
 
 def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed: int = 0,
@@ -82,51 +98,61 @@ def summary(tables: pd.DataFrame | Sequence[pd.DataFrame], draws: int = 0, seed:
     tables
         `errors` of one sequence, or of several that count as one.
     draws
-        Of the bootstrap for the 95 % intervals ``low`` and ``high``; 0 leaves them NaN.
+        Draws of the bootstrap; with 0 the intervals are NaN.
     rate_hz
-        Of the estimates.
+        The estimates' rate.
+
+    Returns
+    -------
+    DataFrame
+        ``outlier_filter, metric, variant, statistic, value``, and the 95 % interval's ends ``low, high``.
     """
     tables = [tables] if isinstance(tables, pd.DataFrame) else list(tables)
     table = pd.concat(tables, ignore_index=True)
-    counts = drawn_counts([len(t) for t in tables], draws, seed, rate_hz)
-    once, rows = np.ones((1, len(table)), int), []
+    counts = bootstrap_counts([len(t) for t in tables], draws, seed, rate_hz)
+    each_once, rows = np.ones((1, len(table)), int), []
 
     def row(name, statistic, function, *values):
-        value, drawn = function(*values, once)[0], function(*values, counts)
-        rows.append((*name, statistic, value, *bootstrap.interval(drawn)))
+        value, samples = function(*values, each_once)[0], function(*values, counts)
+        rows.append((*name, statistic, value, *bootstrap.interval(samples)))
 
-    for (variant, (prefix, among, kept)), filtered in product(VARIANTS.items(), ("without", "with")):
-        found = table[prefix + METRICS[0]].notna() & (table[among] if among else True)
-        found &= table[kept] if filtered == "with" else True
+    for (variant, (prefix, selection, kept)), filtered in product(VARIANTS.items(), ("without", "with")):
+        detected = table[prefix + METRICS[0]].notna() & (table[selection] if selection else True)
+        detected &= table[kept] if filtered == "with" else True
         for metric in METRICS:
-            values = table[prefix + metric].where(found)
+            values = table[prefix + metric].where(detected)
             row((filtered, metric, variant), "median", bootstrap.medians, values)
             row((filtered, metric, variant), "rmse", bootstrap.root_mean_squares, values)
-        for statistic, among_which in (("all", table.in_view | True), ("in_fov", table.in_view)):
+        for statistic, images in (("all", table.in_view | True), ("in_fov", table.in_view)):
             name = (filtered, "detection_rate_percent", variant)
-            row(name, statistic, _percents, found, among_which)
+            row(name, statistic, _percents, detected, images)
     return pd.DataFrame(
         rows, columns=["outlier_filter", "metric", "variant", "statistic", "value", "low", "high"]
     )
 
 
-def drawn_counts(lengths: Sequence[int], draws: int, seed: int, rate_hz: float = PAPER.rate_hz) -> np.ndarray:
-    """`resampling.block_counts` with blocks of `BLOCK_S`, of sequences of so many images at a rate."""
+def bootstrap_counts(
+    lengths: Sequence[int], draws: int, seed: int, rate_hz: float = PAPER.rate_hz
+) -> np.ndarray:
+    """`bootstrap.block_counts` with blocks of `BLOCK_S`, for sequences of ``lengths`` images at a rate."""
     return bootstrap.block_counts(lengths, round(BLOCK_S * rate_hz), draws, np.random.default_rng(seed))
 
 
-def _percents(found, among, counts):
-    return 100 * bootstrap.shares(found, among, counts)
+def _percents(members, images, counts):
+    return 100 * bootstrap.shares(members, images, counts)
 
 
 def report(table: pd.DataFrame) -> dict:
-    """The numbers that `lmmap evaluate` prints, without outlier filter."""
-    found, seen = table.position_error_m.notna(), table.in_view
+    """The numbers that `lmmap evaluate` prints, without outlier filter.
+
+    ``paper_formula`` stands for poses by the formula as it is printed in the paper.
+    """
+    detected = table.position_error_m.notna()
     return {
         "images": len(table),
-        "images_with_ring_in_view": int(seen.sum()),
-        "detected_of_all_percent": _percent(found.sum(), len(table)),
-        "detected_of_in_view_percent": _percent((found & seen).sum(), seen.sum()),
+        "images_with_ring_in_view": int(table.in_view.sum()),
+        "detected_of_all_percent": _percent_true(detected),
+        "detected_of_in_view_percent": detected_in_view_percent(table),
         "position_error_median_mm": 1e3 * table.position_error_m.median(),
         "normal_error_median_deg": table.normal_error_deg.median(),
         "rotation_error_median_deg": table.rotation_error_deg.median(),
@@ -136,13 +162,23 @@ def report(table: pd.DataFrame) -> dict:
     }
 
 
-def _percent(part, whole) -> float:
-    return 100 * part / whole if whole else np.nan
+def detected_in_view_percent(table: pd.DataFrame) -> float:
+    """Percent of the images of `errors` with the whole ring in view that have a pose; NaN of no image."""
+    return _percent_true(table.position_error_m.notna()[table.in_view])
+
+
+def _percent_true(flags: pd.Series) -> float:
+    return 100 * flags.sum() / len(flags) if len(flags) else np.nan
 
 
 def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz) -> pd.DataFrame:
-    """Percent of the port's region of interest that is black (``low``) and white (``high``), by frame at a
-    rate: ``t_us, low, high``."""
+    """Percent of the port's region of interest that is black and white, in frames at a rate.
+
+    Returns
+    -------
+    DataFrame
+        ``t_us, low, high``: the time, the share of black pixels, the share of white pixels.
+    """
     rows, every = [], max(round(sequences.FRAME_HZ / rate_hz), 1)
     times_us = recording.frames_t_us[::every]
     frames = zip(times_us.tolist(), recording.truth.at(times_us), recording.frames[::every], strict=True)
@@ -154,23 +190,24 @@ def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz)
 
 
 def compare(folder: Path) -> pd.DataFrame:
-    """The paper's Table I beside ours, cell by cell.
+    """The paper's Table I and our ``summary.csv`` of a folder, cell by cell.
 
     Returns
     -------
     DataFrame
-        A row per cell of the paper's table.  ``table1``; ``printed``, the paper's formula on our ellipses;
-        ``ours``, the exact and refined pose; ``certain``, ours where its covariance is small; ``fused`` of
-        both modalities, alike for both.  Of ours, ``_low`` and ``_high`` bound the 95 % interval.
+        A row per cell of the paper's table.  ``table1``: the paper's value; ``printed``: that of the paper's
+        formula on our ellipses; ``ours``: that of the exact and refined pose; ``certain``: the same where the
+        covariance is small; ``fused``: that of both modalities together, equal for both.  All but the first
+        have their 95 % interval in columns with ``_low`` and ``_high`` appended.
     """
     cell = ["training", "outlier_filter", "metric", "statistic", "light"]
-    paper = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
-    every = pd.read_csv(folder / "summary.csv")
+    compared = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
+    summaries = pd.read_csv(folder / "summary.csv")
     names = {"printed": "printed", "exact": "ours", "certain": "certain", "fused": "fused"}
     for variant, name in names.items():
         ends = {"value": name, "low": f"{name}_low", "high": f"{name}_high"}
-        of = every[every.variant == variant].rename(columns=ends)
+        cells = summaries[summaries.variant == variant].rename(columns=ends)
         how = "inner" if variant in ("printed", "exact") else "left"  # the others are not in every study
         keys = cell if variant == "fused" else [*cell, "modality"]
-        paper = paper.merge(of[[*keys, *ends.values()]], on=keys, how=how)
-    return paper
+        compared = compared.merge(cells[[*keys, *ends.values()]], on=keys, how=how)
+    return compared

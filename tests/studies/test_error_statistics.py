@@ -20,8 +20,8 @@ def test_coverage_counts_the_poses_inside():
 def test_a_sequence_alone():
     errors = {metric: [1.0, 3.0, np.nan, 5.0] for metric in error_statistics.METRICS}
     table = pd.DataFrame({"in_view": [True, True, True, False], "nees": [0.0, 99.0, np.nan, 1.0], **errors})
-    found = error_statistics.of_sequence(table)
-    assert found["found_percent"] == found["inside_95_percent"] == pytest.approx(200 / 3)
+    found = error_statistics.sequence_summary(table)
+    assert [found[name] for name in ("found_percent", "inside_95_percent")] == pytest.approx([200 / 3] * 2)
     assert found["position_error_m"] == found["rotation_error_deg"] == 3
 
 
@@ -39,23 +39,23 @@ def test_versus_is_a_paired_difference():
     one = pd.DataFrame({"t_us": t_us, "e": error})
     other = pd.DataFrame({"t_us": t_us + 20_000, "e": error + 0.25})
     same, apart = (
-        error_statistics.versus([one], [one], "e", 100),
-        error_statistics.versus([other], [one], "e", 100),
+        error_statistics.median_difference([one], [one], "e", 100),
+        error_statistics.median_difference([other], [one], "e", 100),
     )
     assert (same["difference"], same["low"], same["high"]) == (0, 0, 0)
     assert [apart[k] for k in ("difference", "low", "high")] == pytest.approx([0.25] * 3)
     late = other.assign(t_us=other.t_us + 10**9)
-    nothing = error_statistics.versus([one], [late], "e", 100)
+    nothing = error_statistics.median_difference([one], [late], "e", 100)
     assert nothing["images"] == 0 and np.isnan(nothing["low"])
 
 
 def test_versus_pairs_within_a_sequence():
     t_us = np.arange(60) * 100_000
     low, high = (pd.DataFrame({"t_us": t_us, "e": e}) for e in (0.0, 1.0))
-    together = error_statistics.versus([low, high], [high, low], "e", 100)
+    together = error_statistics.median_difference([low, high], [high, low], "e", 100)
     assert together["images"] == 120 and together["difference"] == 0
-    assert error_statistics.versus([low, low], [high, high], "e", 100)["difference"] == -1
-    half = error_statistics.versus([low, low], [high, high.assign(t_us=t_us + 10**9)], "e", 100)
+    assert error_statistics.median_difference([low, low], [high, high], "e", 100)["difference"] == -1
+    half = error_statistics.median_difference([low, low], [high, high.assign(t_us=t_us + 10**9)], "e", 100)
     assert (half["images"], half["difference"]) == (60, -1)
 
 
