@@ -17,6 +17,7 @@ from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, input_errors, no_events
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+JPEG_END = b"\xff\xd9"
 TIME_LISTS = ("timestamps.txt", "images.txt")
 
 
@@ -57,7 +58,7 @@ def _folder_frames(path: Path, names: list[Path], t_us: list[int]):
 
 
 def _folder_errors(path: Path):
-    remedy = "give images and a timestamps.txt with a time for each, or name one recording"
+    remedy = "give images and a timestamps.txt with a time for each, or --fps, or name one recording"
     return input_errors(path, "not a folder of images", remedy, (cv2.error,))
 
 
@@ -77,9 +78,13 @@ def decode(content: bytes) -> np.ndarray:
     try:
         with Image.open(io.BytesIO(content)) as header:
             check_image(*header.size)
+            is_jpeg = header.format == "JPEG"
+            header.verify()  # of PNG, that every part is there
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         reason = "too many pixels" if isinstance(error, Image.DecompressionBombError) else "not an image"
         raise ValueError(reason) from None
+    if is_jpeg and JPEG_END not in content[-4096:]:
+        raise ValueError("an image that ends early")
     bgr = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
         raise ValueError("not an image that can be decoded")

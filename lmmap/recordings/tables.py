@@ -8,14 +8,17 @@ are in text.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
 
 from ..files import regular_file
 from ..pipeline.histograms import from_columns
+from .limits import MAX_LINE_BYTES
 from .stream import CHUNK, Source, input_errors, pieces
 from .text import ShortLines
 
@@ -25,6 +28,7 @@ SPELLINGS = {
     "y": r"(?:y|row|v)(?:@(?P<size>\d+))?",
     "p": r"(?:p|pol|polarity|on)",
 }
+MORE = "fields beyond the header"
 NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
                "µs": 1000, "μs": 1000}  # fmt: skip
 
@@ -32,10 +36,10 @@ NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 10
 def read_csv(path: Path) -> Source:
     """Events of a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the sensor's size."""
     with _table_errors(path), regular_file(path).open("rb") as file:
-        names = list(pd.read_csv(ShortLines(file), nrows=0, comment="#").columns)
-        columns, unit, size_px = _columns(names)
-    next(_csv(path, columns, unit), None)  # what is no table is refused now
-    return Source(path, size_px, partial(_csv, path, columns, unit))
+        columns, unit, size_px = _columns(_header(file))
+    events = partial(_csv, path, columns, unit)
+    next(events(), None)  # a file that is no table is refused now, not when it is used
+    return Source(path, size_px, events)
 
 
 def read_npy(path: Path) -> Source:
@@ -46,17 +50,28 @@ def read_npy(path: Path) -> Source:
     return Source(path, size_px, partial(_npy_events, path, columns, unit))
 
 
-def _csv(path: Path, columns: dict[str, str], unit: str | None):
+def _header(file: BinaryIO) -> list[str]:
+    """Names in the first line that is neither empty nor a comment; the file is left behind it."""
+    line = b"#"
+    while line.startswith(b"#") or line.isspace():
+        line = file.readline(MAX_LINE_BYTES)
+    return [name.strip().strip('"') for name in line.decode().split(",")]
+
+
+def _csv(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.ndarray]:
     with _table_errors(path), path.open("rb") as file:
-        kind = None
-        for table in pd.read_csv(
-            ShortLines(file), comment="#", index_col=False, chunksize=CHUNK, on_bad_lines="error"
-        ):
+        names = _header(file)
+        tables = pd.read_csv(ShortLines(file), header=None, names=[*names, MORE], comment="#",
+                             index_col=False, chunksize=CHUNK)  # fmt: skip
+        time_kind = None
+        for table in tables:
             values = {key: table[name].to_numpy() for key, name in columns.items()}
-            if any(v.dtype.kind not in "biuf" for v in values.values()):
-                raise ValueError("a line does not hold numbers")
-            if kind not in (None, kind := values["t"].dtype.kind) and unit is None:
+            if table[MORE].notna().any() or any(v.dtype.kind not in "biuf" for v in values.values()):
+                raise ValueError(f"a line does not hold {len(names)} numbers")
+            kind = values["t"].dtype.kind
+            if unit is None and time_kind not in (None, kind):
                 raise ValueError("times with and without a decimal point")
+            time_kind = kind
             yield _events(values, unit)
 
 
@@ -67,7 +82,7 @@ def _npy(path: Path) -> np.ndarray:
     return array
 
 
-def _npy_events(path: Path, columns: dict[str, str], unit: str | None):
+def _npy_events(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.ndarray]:
     with _table_errors(path):
         for piece in pieces(_npy(path), CHUNK):
             yield _events({key: np.array(piece[name]) for key, name in columns.items()}, unit)
