@@ -120,20 +120,32 @@ def made_of(names: set[str]) -> nodes.paragraph:
 
 
 def list_modules(app, docname, source) -> None:
-    """The wings of the module, lowest first, each with its modules, where a page says ``% modules``."""
+    """Where a page says ``% modules``, document the wing that the page is named after.
+
+    The page ``api`` documents the modules outside the wings, and links to the pages of the wings.
+    """
     if "\n% modules\n" in source[0]:
-        settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
-        wings = [w for layer in settings["contracts"][0]["layers"][::-1] for w in re.findall(r"\w+", layer)]
-        source[0] = source[0].replace("\n% modules\n", "\n".join(map(_wing, wings)))
+        name = Path(docname).name
+        text = _package() if name == "api" else _wing(name)
+        source[0] = source[0].replace("\n% modules\n", "\n" + text)
+
+
+def _package() -> str:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    layers = settings["contracts"][0]["layers"][::-1]  # lowest first
+    names = [name for layer in layers for name in re.findall(r"\w+", layer)]
+    wings = [f"- {{doc}}`api/{name}`" for name in names if (PACKAGE / name).is_dir()]
+    modules = [_module(name) for name in names if not (PACKAGE / name).is_dir()]
+    return "\n".join(["## Wings, lowest first", "", *wings, "", *modules])
 
 
 def _wing(name: str) -> str:
-    folder = PACKAGE / name
-    if not folder.is_dir():
-        return f"\n## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}')}"
-    modules = sorted(path.stem for path in folder.glob("[!_]*.py"))
-    parts = [f"### `lmmap.{name}.{m}`\n\n{_automodule(f'lmmap.{name}.{m}')}" for m in modules]
-    return "\n".join([f"\n## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}', '')}", *parts])
+    modules = sorted(path.stem for path in (PACKAGE / name).glob("[!_]*.py"))
+    return "\n".join([_automodule(f"lmmap.{name}", ""), *(_module(f"{name}.{m}") for m in modules)])
+
+
+def _module(name: str) -> str:
+    return f"## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}')}"
 
 
 def _automodule(name: str, members: str = "   :members:\n") -> str:

@@ -19,7 +19,8 @@ BOOK = ROOT / "book"
 TOC = yaml.safe_load((ROOT / "_toc.yml").read_text())
 NAMES = [TOC["root"]] + [chapter["file"] for part in TOC["parts"] for chapter in part["chapters"]]
 PAGES = [ROOT / f"{name}.md" for name in NAMES]
-CHAPTERS = [page for page in PAGES if page.stem not in ("api", "bibliography")]
+API = [page for page in PAGES if page.stem == "api" or page.parent.name == "api"]
+CHAPTERS = [page for page in PAGES if page not in API and page.stem != "bibliography"]
 ENVIRONMENT = (ROOT / "environment.txt").read_text()
 PINS = [line.split(";")[0].strip() for line in ENVIRONMENT.splitlines() if line and not line.startswith("#")]
 
@@ -53,7 +54,7 @@ def glued(page: Path) -> set[str] | None:
 
 
 def test_the_table_of_contents_is_the_book():
-    assert sorted(PAGES) == sorted(BOOK.glob("*.md"))
+    assert sorted(PAGES) == sorted([*BOOK.glob("*.md"), *BOOK.glob("api/*.md")])
     assert not list(BOOK.rglob("*.ipynb"))  # notebooks store outputs; chapters are text
 
 
@@ -84,14 +85,17 @@ def test_functions_in_chapters_stay_short(page):
     assert not long, f"{page.name}: {long} belong into the module"
 
 
+def linked_pages(text: str) -> list[Path]:
+    return [BOOK / f"{target}.md" for target in re.findall(r"\{doc\}`(?:[^`<]*<)?([^`>]+)>?`", text)]
+
+
 @every_page
 def test_citations_and_links_resolve(page):
     text = prose(page)
     keys = set(re.findall(r"@\w+\{(\w+),", (BOOK / "references.bib").read_text()))
     cited = [key.strip() for group in re.findall(r"\{cite:\w+\}`([^`]+)`", text) for key in group.split(",")]
     assert set(cited) <= keys
-    for target in re.findall(r"\{doc\}`(?:[^`<]*<)?([^`>]+)>?`", text):
-        assert (BOOK / f"{target}.md") in PAGES, target
+    assert all(target in PAGES for target in linked_pages(text))
     for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):
         assert (BOOK / target).exists(), target
 
@@ -119,9 +123,12 @@ def test_no_text_names_a_machine():
 
 
 def test_the_reference_documents_every_module():
-    source = [(BOOK / "api.md").read_text()]
-    list_modules(None, "book/api", source)
-    documented = re.findall(r"automodule:: lmmap\.([\w.]+)", source[0])
+    documented = []
+    for page in API:
+        source = [page.read_text()]
+        list_modules(None, str(page.relative_to(ROOT).with_suffix("")), source)
+        documented += re.findall(r"automodule:: lmmap\.([\w.]+)", source[0])
+        assert all(link in PAGES for link in linked_pages(source[0])), page.name
     files = [path.relative_to(PACKAGE).with_suffix("").parts for path in PACKAGE.rglob("*.py")]
     names = {".".join(parts).removesuffix(".__init__") for parts in files}
     assert sorted(documented) == sorted(names - {"__init__", "__main__"})
