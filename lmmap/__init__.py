@@ -19,6 +19,7 @@ _HOME = {
     "Trajectory": "types",
     "Estimator": "pipeline.estimator",
     "circle": "pipeline.circle",
+    "draw": "pages.overlay",
     "ellipse": "pipeline.ellipse",
     "estimate": "pipeline.run",
     "fuse": "tracking.fusion",

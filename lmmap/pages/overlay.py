@@ -1,4 +1,4 @@
-"""Estimates drawn on their images, as a video to look through."""
+"""Estimates drawn on their images: one picture, or a video to look through."""
 
 from __future__ import annotations
 
@@ -12,19 +12,53 @@ from ..geometry.projection import bearings, project, rescale_px
 from ..types import Camera, Estimate, InputError, Port
 
 WIDTH_PX = 692  # of the pictures, at least: small sensors are enlarged by whole factors
-BGR = {"mask": (233, 180, 86), "ellipse": (0, 94, 213), "text": (240, 240, 240)}
-AXES = ((60, 60, 255), (80, 220, 80), (255, 140, 60))  # x, y, z of the port: red, green, blue
+COLOUR = {"mask": (86, 180, 233), "ellipse": (213, 94, 0), "text": (240, 240, 240)}
+AXES = ((255, 60, 60), (80, 220, 80), (60, 140, 255))  # x, y, z of the port: red, green, blue
+CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's wheels have no H.264
 
 
 def draw(
-    image: np.ndarray, estimate: Estimate, ring_mask: np.ndarray, port: Port, camera: Camera
+    image: np.ndarray,
+    estimate: Estimate,
+    camera: Camera | None = None,
+    port: Port | None = None,
+    ring_mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """A picture (H', W, 3) BGR: the frame or histogram with the ring's mask, the ellipse, the port's axes,
-    and below it the time, the status, the pose and, where the estimate has one, its uncertainty."""
+    """An estimate drawn on its image: the ellipse, the port's axes, and a line of text below.
+
+    Parameters
+    ----------
+    image
+        The frame (H, W, 3) u8 RGB or the histogram (H, W) that was estimated.
+    estimate
+        Its estimate.  The text is its time, its status and, where it has one, its pose with its uncertainty.
+    camera, port
+        Those of the estimator.  Default: the bench's DAVIS 346 and the LM-MAP.
+    ring_mask
+        Mask (H, W) in [0, 1] to lay over the image, such as ``estimator.ring_filter(image)``.
+
+    Returns
+    -------
+    numpy.ndarray
+        The picture (H', W', 3) u8 RGB, enlarged by a whole factor where the sensor is small.
+
+    Raises
+    ------
+    ValueError
+        If the image's size is not the camera's.
+    """
+    camera, port = camera or Camera.davis346(), port or Port.lm_map()
+    image = np.asarray(image)
+    if image.shape[:2] != camera.size_px[::-1]:
+        raise ValueError(
+            f"draw: expected an image of (H, W) = {camera.size_px[::-1]}, as the camera's, got {image.shape}"
+        )
     scale = max(1, round(WIDTH_PX / camera.width_px))
     picture = _background(image)
-    tint = ring_mask[..., None] * np.array(BGR["mask"], np.float32)
-    picture = (picture * (1 - 0.5 * ring_mask[..., None]) + 0.5 * tint).astype(np.uint8)
+    if ring_mask is not None:
+        tint = ring_mask[..., None] * np.array(COLOUR["mask"], np.float32)
+        picture = picture * (1 - 0.5 * ring_mask[..., None]) + 0.5 * tint
+    picture = picture.astype(np.uint8)
     picture = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
 
     def line(points_px, colour, closed=False, width=2):
@@ -34,7 +68,7 @@ def draw(
 
     if estimate.ellipse is not None:
         rays = bearings(estimate.ellipse.points(180), replace(camera, distortion=()))
-        line(project(rays, camera), BGR["ellipse"], closed=True)  # an ellipse is free of distortion
+        line(project(rays, camera), COLOUR["ellipse"], closed=True)  # an ellipse is free of distortion
     if (T := estimate.T_cam_port) is not None:
         ends = np.concatenate([np.zeros((1, 3)), port.ring_radius_m * np.eye(3)])
         origin, *tips = project(T @ ends, camera)
@@ -45,7 +79,7 @@ def draw(
 
 def _background(image: np.ndarray) -> np.ndarray:
     if image.ndim == 3:
-        return image[..., ::-1].astype(np.float32)
+        return image.astype(np.float32)
     gray = np.minimum(image / max(float(np.percentile(image, 99.5)), 1.0), 1.0) * 255
     return np.repeat(gray.astype(np.float32)[..., None], 3, -1)
 
@@ -59,23 +93,24 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
     if covariance is not None and np.all(np.isfinite(covariance)):
         text += f"  +- {1e3 * float(np.sqrt(np.trace(np.asarray(covariance)[:3, :3]))):.1f} mm"
     strip = np.zeros((28, width, 3), np.uint8)
-    cv2.putText(strip, text, (8, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.45, BGR["text"], 1, cv2.LINE_AA)
+    cv2.putText(strip, text, (8, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.45, COLOUR["text"], 1, cv2.LINE_AA)
     return strip
 
 
 class Overlay:
-    """An MP4 of `draw`, one picture an image, played at the rate of the first two; use it in ``with``."""
+    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``."""
 
     def __init__(self, path: Path, port: Port, camera: Camera):
         self.path, self.port, self.camera = path, port, camera
         self._writer, self._first = None, None
-        if path.suffix.lower() not in (".mp4", ".avi"):
+        if path.suffix.lower() not in CODECS:
             raise InputError(f"{path}: cannot write '{path.suffix}'; name the video .mp4 or .avi")
         if not path.parent.is_dir():
             raise InputError(f"{path}: no folder {path.parent}; make it first")
 
-    def add(self, image: np.ndarray, estimate: Estimate, ring_mask: np.ndarray) -> None:
-        picture = draw(image, estimate, ring_mask, self.port, self.camera)
+    def add(self, image: np.ndarray, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
+        """Draw the next image of the video."""
+        picture = draw(image, estimate, self.camera, self.port, ring_mask)[..., ::-1]
         if self._first is None:
             self._first = estimate.t_us, picture
             return
@@ -85,7 +120,7 @@ class Overlay:
         self._writer.write(picture)
 
     def _open(self, rate_hz: float, picture: np.ndarray) -> None:
-        fourcc = cv2.VideoWriter_fourcc(*("mp4v" if self.path.suffix.lower() == ".mp4" else "MJPG"))
+        fourcc = cv2.VideoWriter_fourcc(*CODECS[self.path.suffix.lower()])
         rate_hz = float(np.clip(round(rate_hz, 2), 1, 120))
         self._writer = cv2.VideoWriter(str(self.path), cv2.CAP_FFMPEG, fourcc, rate_hz, picture.shape[1::-1])
         if not self._writer.isOpened():

@@ -9,7 +9,7 @@ from conftest import facing_pose
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.projection import project, rescale_px
-from lmmap.pages.overlay import AXES, BGR, Overlay, draw
+from lmmap.pages.overlay import AXES, COLOUR, Overlay, draw
 from lmmap.types import Camera, Estimate, InputError, Port, Status
 
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
@@ -28,25 +28,25 @@ def near(picture, point_px, colour) -> bool:
 @pytest.mark.parametrize("distortion", [(), (-0.2, 0.05, 0.001, -0.002)])
 def test_axes_and_ring_lie_where_the_camera_sees_them(distortion):
     camera = replace(CAMERA, distortion=distortion)
-    picture = draw(DARK, FOUND, NO_MASK, PORT, camera)
+    picture = draw(DARK, FOUND, camera, PORT, NO_MASK)
     for axis, colour in zip(np.eye(3), AXES, strict=True):
         assert near(picture, project(T @ (0.7 * PORT.ring_radius_m * axis), camera), colour)
     a = np.linspace(0, 6, 9)
     ring = PORT.ring_radius_m * np.stack([np.cos(a), np.sin(a), 0 * a], -1)
-    assert np.mean([near(picture, p, BGR["ellipse"]) for p in project(T @ ring, camera)]) > 0.7
+    assert np.mean([near(picture, p, COLOUR["ellipse"]) for p in project(T @ ring, camera)]) > 0.7
 
 
 def test_mask_status_and_uncertainty_show():
-    plain = draw(DARK, Estimate(0, Status.NO_RING), NO_MASK, PORT, CAMERA)
+    plain = draw(DARK, Estimate(0, Status.NO_RING), CAMERA, PORT, NO_MASK)
     assert plain.shape == (2 * 260 + 28, 2 * 346, 3)
     assert not plain[:520].any() and plain[520:].any()  # nothing but its caption
     mask = NO_MASK.copy()
     mask[100:110, 50:60] = 1
-    tinted = draw(DARK, Estimate(0, Status.NO_RING), mask, PORT, CAMERA)
+    tinted = draw(DARK, Estimate(0, Status.NO_RING), CAMERA, PORT, mask)
     assert tinted[200:220, 100:120].min(axis=(0, 1)).max() > 100 and not tinted[:190].any()
     histogram = np.zeros((260, 346), np.uint16)
     histogram[10, 20] = 3
-    assert draw(histogram, Estimate(0, Status.NO_RING), NO_MASK, PORT, CAMERA)[20, 40].tolist() == [255] * 3
+    assert draw(histogram, Estimate(0, Status.NO_RING), CAMERA, PORT, NO_MASK)[20, 40].tolist() == [255] * 3
 
 
 @pytest.mark.parametrize("count", [1, 4])
@@ -59,6 +59,28 @@ def test_a_video_has_every_picture_at_the_images_rate(tmp_path, count):
     while film.read()[0]:
         pictures += 1
     assert pictures == count
+
+
+def test_an_mp4_is_one_that_browsers_play(tmp_path):
+    """VP9 in MP4: the box that describes the track is named vp09, not mp4v, which no browser plays."""
+    with Overlay(tmp_path / "o.mp4", PORT, CAMERA) as overlay:
+        for k in range(3):
+            overlay.add(DARK, replace(FOUND, t_us=50_000 * k))
+    content = (tmp_path / "o.mp4").read_bytes()
+    description = content[content.index(b"stsd") :][:24]
+    assert content[4:8] == b"ftyp" and description[16:20] == b"vp09"
+    fourcc = int(cv2.VideoCapture(str(tmp_path / "o.mp4")).get(cv2.CAP_PROP_FOURCC))
+    assert fourcc.to_bytes(4, "little") == b"VP90"
+
+
+def test_a_picture_needs_no_more_than_an_image_and_its_estimate():
+    """Colours are RGB; the bench's camera and port are the defaults; no mask is no tint."""
+    grey = np.full((260, 346, 3), (10, 20, 30), np.uint8)
+    picture = draw(grey, Estimate(0, Status.NO_RING))
+    assert picture[0, 0].tolist() == [10, 20, 30]
+    np.testing.assert_array_equal(draw(DARK, FOUND), draw(DARK, FOUND, CAMERA, PORT, NO_MASK))
+    with pytest.raises(ValueError, match=r"draw: expected an image of .*\(260, 346\).*got \(48, 64, 3\)"):
+        draw(np.zeros((48, 64, 3), np.uint8), FOUND)
 
 
 def test_what_is_no_video(tmp_path):
