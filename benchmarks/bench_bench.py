@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from lmmap.bench import event_sensor, laboratory, renderer, sequences
+from lmmap.bench import event_sensor, laboratory, optics, renderer, sequences
 from lmmap.types import Camera, Port
 
 SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
@@ -50,10 +50,10 @@ def stages(repeats: int = 15) -> None:
 
     for i, pose in enumerate(poses):
         light = timed("event image", lambda p=pose: look(mono, p, rays[0]))
-        light = timed("lens", lambda x=light: renderer.apply_lens(x, sequences.LENS_BLUR_PX))
+        light = timed("lens", lambda x=light: optics.apply_lens(x, sequences.LENS_BLUR_PX))
         timed("event sensor", lambda x=light, i=i: sensor(x * (255 * laboratory.GAIN), 10_000 * (i + 1)))
         colour = timed("colour image", lambda p=pose: look((skin, lamps, still), p, rays[1]))
-        timed("exposure", lambda x=colour: renderer.expose(x, laboratory.GAIN, rng))
+        timed("exposure", lambda x=colour: optics.expose(x, laboratory.GAIN, rng))
     for name, wall in walls.items():
         print(f"{name:14} {np.median(wall[1:]):6.2f} ms")
 

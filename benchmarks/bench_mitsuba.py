@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import time
 from importlib.metadata import version
-from unittest import mock
 
 import cv2
 import mitsuba_scene as peer
@@ -44,8 +43,8 @@ def ours(solid, skin, lamps, T_cam_port, camera, rays=1, mono=False, ambient=0.0
     black = np.zeros((camera.height_px, camera.width_px, 3), np.float32)
     if mono:
         skin, lamps, black = renderer.to_monochrome(skin, lamps, black)
-    with mock.patch.object(renderer, "AMBIENT", ambient):
-        return renderer.render(solid, skin, lamps, T_cam_port, renderer.ray_grid(camera, rays), black)
+    rays = renderer.ray_grid(camera, rays)
+    return renderer.render(solid, skin, lamps, T_cam_port, rays, black, ambient=ambient)
 
 
 def coarse(image, factor: int):

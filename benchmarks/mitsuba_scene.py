@@ -14,7 +14,7 @@ import numpy as np
 
 mi.set_variant("scalar_rgb")
 
-from lmmap.bench import renderer, skins  # noqa: E402
+from lmmap.bench import renderer, shading, skins  # noqa: E402
 from lmmap.bench.cad import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
 
 LAYERS = ("diffuse", "microfacet", "retro")
@@ -34,7 +34,7 @@ class Retro(mi.BSDF):
         if si.wi.z <= 0 or wo.z <= 0:
             return mi.Color3f(0.0)
         angle = np.arccos(min(si.wi.x * wo.x + si.wi.y * wo.y + si.wi.z * wo.z, 1.0))
-        lobe = renderer.RETRO_PEAK_SR * np.exp(-((angle / renderer.RETRO_WIDTH_RAD) ** 2))
+        lobe = shading.RETRO_PEAK_SR * np.exp(-((angle / shading.RETRO_WIDTH_RAD) ** 2))
         return mi.Color3f(float(lobe * wo.z))
 
     def pdf(self, ctx, si, wo, active=True):
@@ -119,9 +119,9 @@ def panel_materials(layer, skin):
 
 def shapes(solid, skin, layer) -> dict:
     """Every surface under the name of what it is."""
-    low, high = (*solid.panel_low, solid.panel_bottom), (*solid.panel_high, solid.panel_top)
-    corner = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
-    uv = (corner[:, :2] - solid.panel_low) / (solid.panel_high - solid.panel_low)
+    lower, upper = (*solid.panel_lower, solid.panel_bottom), (*solid.panel_upper, solid.panel_top)
+    corner = np.array([[(lower, upper)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    uv = (corner[:, :2] - solid.panel_lower) / (solid.panel_upper - solid.panel_lower)
     face, side = panel_materials(layer, skin)
     front = np.array([[4, 5, 7], [4, 7, 6]])
     rest = [[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7],

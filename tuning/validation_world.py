@@ -14,7 +14,7 @@ from unittest import mock
 
 import numpy as np
 
-from lmmap.bench import cad, labels, laboratory, renderer, sequences, skins
+from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
 from lmmap.bench.event_sensor import Sensor
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import fitting
@@ -93,7 +93,7 @@ def backdrop(seq, camera, total_intensity):
         colour = rng.uniform(0.02, 0.2) * rng.uniform(0.2, 1, 3) * min(total_intensity, 40.0)
         stripes = np.where(x // rng.uniform(4, 15) % 2, 1, rng.uniform(0.2, 0.8))[..., None]
         light = np.where(((abs(x) < half[0]) & (abs(y) < half[1]))[..., None], stripes * colour, light)
-    return renderer.blur(light.astype(np.float32), 1.0)
+    return optics.blur(light.astype(np.float32), 1.0)
 
 
 def worn(render, gap_m):
@@ -153,8 +153,8 @@ def pictured(name: str) -> Recording:
             return {"type": "roughplastic", "diffuse_reflectance": diffuse, "alpha": 0.3}
         return covers[int(seq.name[-4:]) % len(covers)]
 
-    changes = [(peer, "material", bsdf), (renderer, "PARTS", PAINT), (renderer, "RETRO_PEAK_SR", 5.0),
-               (renderer, "RETRO_WIDTH_RAD", np.deg2rad(4.0))]  # fmt: skip
+    changes = [(peer, "material", bsdf), (renderer, "PARTS", PAINT), (shading, "RETRO_PEAK_SR", 5.0),
+               (shading, "RETRO_WIDTH_RAD", np.deg2rad(4.0))]  # fmt: skip
     with ExitStack() as stack:
         for place, what, value in changes:
             stack.enter_context(mock.patch.object(place, what, value))
@@ -167,8 +167,8 @@ def pictured(name: str) -> Recording:
                 radiance = radiance + np.array(peer.mi.render(room))
             nothing = peer.surfaces(solid, skin, T, CAMERA) == cad.NOTHING
             radiance = np.where(nothing[..., None], behind, radiance).astype(np.float32)
-            radiance = renderer.apply_lens(radiance, 0.9)
-            frames.append(renderer.expose(radiance, laboratory.GAIN, seq.rng(f"picture {i}")))
+            radiance = optics.apply_lens(radiance, 0.9)
+            frames.append(optics.expose(radiance, laboratory.GAIN, seq.rng(f"picture {i}")))
     times_us = np.arange(EACH, dtype=np.int64) * 1_000_000
     return Recording(
         name, CAMERA, np.empty(0, EVENT), np.array(frames), times_us, Trajectory(times_us, truth)

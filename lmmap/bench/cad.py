@@ -27,8 +27,8 @@ class Solid(NamedTuple):
     ring_outer: float
     panel_top: float
     panel_bottom: float
-    panel_low: np.ndarray  # (2,) least x, y
-    panel_high: np.ndarray  # (2,)
+    panel_lower: np.ndarray  # (2,) least x, y
+    panel_upper: np.ndarray  # (2,)
     stem: float
     plate_height: float
     plate_apothem: float
@@ -81,7 +81,7 @@ def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _tube(ox, oy, oz, dx, dy, dz, radius, low, high, t_max):
+def _hit_wall(ox, oy, oz, dx, dy, dz, radius, lower, upper, t_max):
     """Nearest hit of an upright cylinder's wall between two heights, or t_max."""
     a = dx * dx + dy * dy
     b = ox * dx + oy * dy
@@ -90,13 +90,13 @@ def _tube(ox, oy, oz, dx, dy, dz, radius, low, high, t_max):
         return t_max
     root = np.sqrt(disc)
     for t in ((-b - root) / a, (-b + root) / a):
-        if CLEARANCE_M < t < t_max and low < oz + t * dz < high:
+        if CLEARANCE_M < t < t_max and lower < oz + t * dz < upper:
             return t
     return t_max
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _passes(ox, oy, oz, dx, dy, dz, height, radius2):
+def _misses_sphere(ox, oy, oz, dx, dy, dz, height, radius2):
     """Whether a ray misses the sphere around (0, 0, height)."""
     cz = oz - height
     toward = ox * dx + oy * dy + cz * dz
@@ -108,7 +108,7 @@ def _passes(ox, oy, oz, dx, dy, dz, height, radius2):
 def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     """First surface of the port along a ray: (distance, surface, nx, ny, nz), panel excluded."""
     t, what, nx, ny, nz = t_max, NOTHING, 0.0, 0.0, 0.0
-    if _passes(ox, oy, oz, dx, dy, dz, s.bound_height, s.bound_radius2):
+    if _misses_sphere(ox, oy, oz, dx, dy, dz, s.bound_height, s.bound_radius2):
         return t, what, nx, ny, nz
 
     u = -oz / dz  # ring: annulus in z = 0
@@ -116,16 +116,16 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
         r2 = (ox + u * dx) ** 2 + (oy + u * dy) ** 2
         if s.ring_inner**2 < r2 < s.ring_outer**2:
             t, what, nx, ny, nz = u, RING, 0.0, 0.0, 1.0
-    for radius, low, high in (
+    for radius, lower, upper in (
         (s.ring_outer, s.panel_top, 0.0),
         (s.ring_inner, s.panel_top, 0.0),
         (s.stem, s.panel_top, s.plate_height),
     ):
-        u = _tube(ox, oy, oz, dx, dy, dz, radius, low, high, t)
+        u = _hit_wall(ox, oy, oz, dx, dy, dz, radius, lower, upper, t)
         if u < t:
             t, what = u, BODY
             nx, ny, nz = (ox + u * dx) / radius, (oy + u * dy) / radius, 0.0
-    if _passes(ox, oy, oz, dx, dy, dz, s.head_height, s.head_radius2):
+    if _misses_sphere(ox, oy, oz, dx, dy, dz, s.head_height, s.head_radius2):
         return t, what, nx, ny, nz
 
     u = (s.plate_height - oz) / dz  # plate: hexagon
@@ -161,11 +161,11 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
 def hit_panel(s, ox, oy, oz, dx, dy, dz):
     """First hit of the panel's slab: (distance, nx, ny, nz); `FAR_M` for a miss."""
     near, far, axis, sign = -FAR_M, FAR_M, 2, 1.0
-    low = (s.panel_low[0], s.panel_low[1], s.panel_bottom)
-    high = (s.panel_high[0], s.panel_high[1], s.panel_top)
+    lower = (s.panel_lower[0], s.panel_lower[1], s.panel_bottom)
+    upper = (s.panel_upper[0], s.panel_upper[1], s.panel_top)
     o, d = (ox, oy, oz), (dx, dy, dz)
     for k in range(3):
-        a, b = (low[k] - o[k]) / d[k], (high[k] - o[k]) / d[k]
+        a, b = (lower[k] - o[k]) / d[k], (upper[k] - o[k]) / d[k]
         if min(a, b) > near:
             near, axis, sign = min(a, b), k, (-1.0 if d[k] > 0 else 1.0)
         far = min(far, max(a, b))

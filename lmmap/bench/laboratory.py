@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..types import Camera, InputError, Port, Pose
-from . import cad, renderer, skins
+from . import cad, optics, renderer, skins
 
 KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)(?:-\d+)?|hard-(slow|reflect)")
 COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
@@ -147,4 +147,4 @@ def backdrop(seq: Sequence, camera: Camera, total_intensity: float) -> np.ndarra
         x, y = (u - centre[0]) / half[0], (v - centre[1]) / half[1]
         round_off = np.sqrt(np.clip(1 - x**2, 0, 1)) * rng.uniform(0.02, 0.08)
         light = np.where(((np.abs(x) < 1) & (np.abs(y) < 1))[..., None], round_off[..., None], light)
-    return renderer.blur(light.astype(np.float32) * np.float32(min(total_intensity, 40.0)), 1.0)
+    return optics.blur(light.astype(np.float32) * np.float32(min(total_intensity, 40.0)), 1.0)

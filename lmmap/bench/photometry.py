@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from ..provenance import DATA
 from ..types import Camera, Port
-from . import labels, laboratory, renderer, sequences
+from . import labels, laboratory, optics, renderer, sequences
 
 BLACK, WHITE = 10, 245  # of 255, brightest channel: below is "low" saturation, above is "high"
 LIGHTS = ("low", "medium", "high")
@@ -56,7 +56,7 @@ def lamp_images(camera: Camera, port: Port):
             regions.append(region)
             parts = [renderer.Lamps(*(values[[i]] for values in lamp)) for lamp, i in single]
             radiances = [renderer.render(solid, skin, part, pose, rays, black)[0] for part in parts]
-            images.append([renderer.apply_lens(radiance, sequences.LENS_BLUR_PX) / np.float32(strengths[k])
+            images.append([optics.apply_lens(radiance, sequences.LENS_BLUR_PX) / np.float32(strengths[k])
                            for k, radiance in enumerate(radiances)])  # fmt: skip
     return np.array(images, np.float32), regions
 
@@ -69,7 +69,7 @@ def mean_saturation_percent(images, regions, gain: float, earthshine: float, sun
         rng = np.random.default_rng(0)
         found.append(
             [
-                roi_saturation_percent(renderer.expose(f, gain, rng), r)
+                roi_saturation_percent(optics.expose(f, gain, rng), r)
                 for f, r in zip(frames, regions, strict=True)
             ]
         )

@@ -19,7 +19,7 @@ from ..files import atomic
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..types import EVENT, Camera, InputError, Port, Recording, Trajectory
-from . import event_sensor, renderer
+from . import event_sensor, optics, renderer
 from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, panel, sequence, sequence_motion
 
 EXPOSURE_US, SUB_EXPOSURES = 8000, 2
@@ -72,10 +72,10 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, sk
     def image(job):
         t_us, poses, frame = job
         if not frame:
-            return t_us, renderer.apply_lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
+            return t_us, optics.apply_lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
         parts = [look(T, colour, rays[1][k : k + 1]) for k, T in enumerate(poses)]
-        radiance = renderer.apply_lens(np.mean(parts, 0), LENS_BLUR_PX)
-        return t_us, None, renderer.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
+        radiance = optics.apply_lens(np.mean(parts, 0), LENS_BLUR_PX)
+        return t_us, None, optics.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
 
     first = sequence_motion(seq, np.zeros(1))[0]
     for what, ray in zip((mono, colour), rays, strict=True):  # compiled before there are threads

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import facing_pose
 
-from lmmap.bench import cad, renderer, skins
+from lmmap.bench import cad, optics, renderer, shading, skins
 from lmmap.types import Camera, Port
 
 CAMERA, PORT = Camera(61, 41, 60.0, 60.0, 30.0, 20.0), Port.lm_map()
@@ -58,7 +58,9 @@ def test_white_microfacets_give_back_no_more_than_they_get(alpha, nv):
     sin_l, sin_v = np.sqrt(1 - cos_l**2), np.sqrt(1 - nv**2)
     h = np.stack([sin_l * np.cos(phi) + sin_v, sin_l * np.sin(phi), cos_l + nv])
     h /= np.linalg.norm(h, axis=0)
-    lobe = np.vectorize(renderer._microfacet)(cos_l, nv, h[2], h[0] * sin_v + h[2] * nv, 1.0, alpha)
+    lobe = np.vectorize(lambda *cosines: shading.microfacet_lobe(*cosines, alpha**2, 0.0)[0])(
+        cos_l, nv, h[2], h[0] * sin_v + h[2] * nv
+    )
     total = np.sum(lobe * cos_l) * 2 * np.pi / n**2
     assert 0.3 < total <= 1.03
 
@@ -101,10 +103,10 @@ def test_cover_is_the_projected_annulus():
 
 def test_exposure_is_linear_then_saturates(rng):
     grey = np.full((200, 200, 3), 0.4, np.float32)
-    frame = renderer.expose(grey, 1.0, rng)
+    frame = optics.expose(grey, 1.0, rng)
     assert frame.mean() == pytest.approx(0.4 * 255, rel=0.005)
     assert frame.std() == pytest.approx(255 * np.sqrt(0.4 * 7000 + 25**2) / 7000, rel=0.1)
-    assert np.all(renderer.expose(5 * grey, 1.0, rng) == 255)
+    assert np.all(optics.expose(5 * grey, 1.0, rng) == 255)
 
 
 def test_lamp_behind_the_panel_lights_nothing_that_the_camera_sees():
@@ -148,7 +150,7 @@ def test_twice_the_light_and_half_the_exposure_is_the_same_frame():
     once = whole(PAIR, tilted, DAVIS)[0]
     twice = whole(PAIR._replace(intensity=2 * PAIR.intensity), tilted, DAVIS)[0]
     assert twice == pytest.approx(2 * once, rel=1e-6)
-    frames = [renderer.expose(light, g, np.random.default_rng(3)) for light, g in ((once, 0.2), (twice, 0.1))]
+    frames = [optics.expose(light, g, np.random.default_rng(3)) for light, g in ((once, 0.2), (twice, 0.1))]
     assert np.mean(frames[0] != frames[1]) < 1e-3 and 5 < frames[0].mean() < 250
 
 
