@@ -32,11 +32,14 @@ def against_real_time() -> None:
 
 def stages(repeats: int = 15) -> None:
     seq, camera, port = laboratory.sequence("test-medium"), Camera.davis346(), Port.lm_map()
-    (solid, skin), lamps = sequences.panel(seq, port), sequences.lamps(seq)
+    (solid, skin), lamps = laboratory.panel(seq, port), laboratory.lamps(seq)
     poses = laboratory.sequence_motion(seq, np.arange(repeats + 1) * 0.01)
-    still = sequences.backdrop(seq, camera, lamps.intensity[:, 0].sum())
+    still = laboratory.backdrop(seq, camera, lamps.intensity[:, 0].sum())
     mono, rays = renderer.to_monochrome(skin, lamps, still), [renderer.ray_grid(camera, n) for n in (1, 2)]
-    sensor, rng = event_sensor.EventSensor(camera, event_sensor.Sensor(), seq.rng("events")), seq.rng("frame")
+    sensor, rng = (
+        event_sensor.EventSensor(camera, event_sensor.SensorSettings(), seq.rng("events")),
+        seq.rng("frame"),
+    )
     walls = {"event image": [], "lens": [], "event sensor": [], "colour image": [], "exposure": []}
 
     def look(what, pose, ray):

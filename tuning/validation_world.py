@@ -9,13 +9,14 @@ neither train nor test anything.  Made once, kept in data/derived/validation; an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from functools import partial
 from unittest import mock
 
 import numpy as np
 
 from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
-from lmmap.bench.event_sensor import Sensor
+from lmmap.bench.event_sensor import SensorSettings
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import fitting
 from lmmap.pipeline.run import images
@@ -47,12 +48,12 @@ PAINT[cad.PLATE], PAINT[cad.PETAL], PAINT[cad.BODY] = (
     (0.2, 0.05, 0.4),
 )
 GAP_M, SECTORS, IN_GAP = 0.005, 6, 0.06  # between the film's pieces; what is left of the light there
-PLAIN = Sensor(0.25, 0.04, 200.0, 0.2, 1.0, hot_share=4e-4)
+PLAIN = SensorSettings(0.25, 0.04, 200.0, 0.2, 1.0, hot_share=4e-4)
 WORLDS = {  # gaps in the ring's film, event sensor
     "plain": (0.0, PLAIN),
     "gaps": (GAP_M, PLAIN),
-    "slow sensor": (0.0, Sensor(0.45, 0.05, 60.0, 0.1, 0.5)),
-    "noisy sensor": (0.0, Sensor(0.25, 0.06, 200.0, 0.5, 6.0, hot_share=1e-3)),
+    "slow sensor": (0.0, SensorSettings(0.45, 0.05, 60.0, 0.1, 0.5)),
+    "noisy sensor": (0.0, SensorSettings(0.25, 0.06, 200.0, 0.5, 6.0, hot_share=1e-3)),
 }
 
 
@@ -112,22 +113,15 @@ def worn(render, gap_m):
     return rendered
 
 
-@contextmanager
-def another_laboratory(gap_m: float):
-    """The bench with all of this in place of its own."""
-    changes = [(sequences, "panel", panel), (sequences, "lamps", lamps), (sequences, "backdrop", backdrop),
-               (sequences, "LENS_BLUR_PX", 0.9), (sequences, "FRAME_HZ", 5), (renderer, "PARTS", PAINT),
-               (renderer, "render", worn(renderer.render, gap_m))]  # fmt: skip
-    with ExitStack() as stack:
-        for place, name, value in changes:
-            stack.enter_context(mock.patch.object(place, name, value))
-        yield
+def other_setup(gap_m: float) -> sequences.Setup:
+    """All of this in place of the bench's own, with gaps of this width in the ring's film."""
+    render = worn(partial(renderer.render, parts=PAINT), gap_m)
+    return sequences.Setup(panel, lamps, backdrop, render, lens_blur_px=0.9, frame_hz=5)
 
 
 def recorded(name: str, world: str) -> Recording:
     gap_m, sensor = WORLDS[world]
-    with another_laboratory(gap_m):
-        return sequences.simulate(name, SECONDS, sensor=sensor)
+    return sequences.simulate(name, SECONDS, sensor=sensor, setup=other_setup(gap_m))
 
 
 def pictured(name: str) -> Recording:

@@ -1,7 +1,7 @@
 """The bench's geometry: the port's CAD on its panel as analytic surfaces, and rays against them.
 
-Everything is in the port frame.  Surfaces: panel (a slab), ring (annulus and its two walls), stem
-(cylinder), plate (hexagon) with markers, petals (trapezoids); all of them hide and shadow each other.
+Everything is in the port frame.  The surfaces are the panel (a slab), the ring (an annulus and its two
+walls), the stem (a cylinder), the plate (a hexagon) with its markers, and the petals (trapezoids).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .compiler import njit
 NOTHING, PANEL, RING, MARKER, PLATE, PETAL, BODY = range(7)
 PANEL_THICKNESS_M = 0.022
 CLEARANCE_M = 1e-6
-FAR_M = 1e9  # no hit; infinity itself would not survive fast arithmetic
+FAR_M = 1e9  # distance of a miss; infinity would not survive fast arithmetic
 
 
 class Solid(NamedTuple):
@@ -38,14 +38,14 @@ class Solid(NamedTuple):
     petals: np.ndarray  # (S, 4, 3): base point, tangent, up, normal
     petal_half_widths: np.ndarray  # (2,) at the base, at the tip
     petal_length: float
-    bound_height: float  # centre of the sphere that holds all but the panel
+    bound_height: float  # centre of the sphere around everything but the panel
     bound_radius2: float
-    head_height: float  # centre of the sphere that holds plate and petals
+    head_height: float  # centre of the sphere around plate and petals
     head_radius2: float
 
 
 def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
-    """Numbers of a port whose panel's middle lies at ``panel_centre_m`` (x, y) of the port frame."""
+    """The numbers of a port; ``panel_centre_m`` (x, y) is the panel's middle in the port frame."""
     apothem = port.plate_circumradius_m * np.cos(np.pi / 6)
     yaws = np.arange(port.symmetry) * port.yaw_period_rad
     length = np.hypot(port.petal_rise_m, port.petal_lean_m)
@@ -80,9 +80,14 @@ def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
     )
 
 
+def without_port(solid: Solid) -> Solid:
+    """The bare panel: no ray meets the sphere around the port."""
+    return solid._replace(bound_radius2=-1.0)
+
+
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _hit_wall(ox, oy, oz, dx, dy, dz, radius, lower, upper, t_max):
-    """Nearest hit of an upright cylinder's wall between two heights, or t_max."""
+    """Distance of the nearest hit of an upright cylinder's wall between two heights, or t_max."""
     a = dx * dx + dy * dy
     b = ox * dx + oy * dy
     disc = b * b - a * (ox * ox + oy * oy - radius * radius)
@@ -106,7 +111,7 @@ def _misses_sphere(ox, oy, oz, dx, dy, dz, height, radius2):
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
-    """First surface of the port along a ray: (distance, surface, nx, ny, nz), panel excluded."""
+    """First surface of the port along a ray: (distance, surface, nx, ny, nz), without the panel."""
     t, what, nx, ny, nz = t_max, NOTHING, 0.0, 0.0, 0.0
     if _misses_sphere(ox, oy, oz, dx, dy, dz, s.bound_height, s.bound_radius2):
         return t, what, nx, ny, nz
@@ -159,7 +164,7 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def hit_panel(s, ox, oy, oz, dx, dy, dz):
-    """First hit of the panel's slab: (distance, nx, ny, nz); `FAR_M` for a miss."""
+    """First hit of the panel's slab: (distance, nx, ny, nz); the distance is `FAR_M` for a miss."""
     near, far, axis, sign = -FAR_M, FAR_M, 2, 1.0
     lower = (s.panel_lower[0], s.panel_lower[1], s.panel_bottom)
     upper = (s.panel_upper[0], s.panel_upper[1], s.panel_top)

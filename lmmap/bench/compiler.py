@@ -1,4 +1,4 @@
-"""Where the bench's compiled kernels are cached.
+"""The compiler of the bench's kernels, and where it caches them.
 
 A kernel inlines functions of other files, and numba dates its cache by one file only.  A cache folder for
 each state of the bench's source means that no kernel outlives an edit.
@@ -12,9 +12,15 @@ from pathlib import Path
 
 import numba
 
+
+def _cache_folder() -> Path:
+    """A folder named by the bench's source."""
+    bench = Path(__file__).parent
+    source = b"".join(path.read_bytes() for path in sorted(bench.glob("*.py")))
+    return bench / "__pycache__" / hashlib.sha256(source).hexdigest()[:16]
+
+
 if "NUMBA_CACHE_DIR" not in os.environ:
-    folder = Path(__file__).parent
-    source = b"".join(path.read_bytes() for path in sorted(folder.glob("*.py")))
-    numba.config.CACHE_DIR = str(folder / "__pycache__" / hashlib.sha256(source).hexdigest()[:16])
+    numba.config.CACHE_DIR = str(_cache_folder())
 
 njit = numba.njit

@@ -1,8 +1,9 @@
-"""The laboratory's sequences, each from its name alone: who moves how, under which lamps, on what skin.
+"""The laboratory's sequences, each drawn from its name: how the port moves, under which lamps, on what panel.
 
-``augmented-N`` (covers that are no satellite's), ``realistic-N`` (film, training), ``test-low``,
-``test-medium``, ``test-high`` (one unseen trajectory, three levels of light; ``test-low-1`` and so on are of
-another one), ``hard-slow``, ``hard-reflect``, ``empty-N`` (no port).
+``augmented-N`` and ``realistic-N`` are for training, on covers that are no satellite's and on film.
+``test-low``, ``test-medium`` and ``test-high`` are one unseen trajectory under three levels of light;
+``test-low-1`` and so on are another trajectory.  ``hard-slow`` and ``hard-reflect`` are the hard cases;
+``empty-N`` has no port.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from . import cad, optics, renderer, skins
 
 KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)(?:-\d+)?|hard-(slow|reflect)")
 COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
-# radiant intensities, the colocated lamp's being 1, and radiance to full scale of both sensors: one exposure
-# for every light; the result of `lmmap photometry`
+# radiant intensities of the lamps (the colocated lamp has 1), and the gain from radiance to full scale of
+# both sensors, which is the same in every light; `lmmap photometry` chose all three
 EARTHSHINE, SUN, GAIN = 123.7, 1799.5, 0.04153
-SECONDS = {  # of each kind by profile; the paper's: 80 min augmented, 20 min realistic, > 5000 empty frames
+SECONDS = {  # length of a sequence; the paper has 80 min augmented, 20 min realistic, > 5000 empty frames
     "quick": {"augmented": 2.0, "realistic": 2.0, "test": 6.0, "hard": 3.0, "empty": 3.0},
     "paper": {"augmented": 60.0, "realistic": 60.0, "test": 210.0, "hard": 40.0, "empty": 255.0},
 }
@@ -30,7 +31,11 @@ SECONDS = {  # of each kind by profile; the paper's: 80 min augmented, 20 min re
 
 @dataclass(frozen=True)
 class Sequence:
-    """All that decides a recording but its length."""
+    """What decides a recording, except for its length.
+
+    ``light`` is a level of light (low, medium, high) or ``reflect``; ``speed`` and ``wander`` scale the rate
+    and the extent of the motion.
+    """
 
     name: str
     light: str
@@ -39,14 +44,14 @@ class Sequence:
     speed: float = 1.0
     wander: float = 1.0
 
-    def rng(self, what: str) -> np.random.Generator:
-        """An independent stream per purpose; tests that differ in light only share theirs."""
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Random numbers for one purpose; test sequences that differ only in light get the same."""
         group = re.sub("^test-(low|medium|high)", "test", self.name)
-        return np.random.default_rng([zlib.crc32(group.encode()), zlib.crc32(what.encode())])
+        return np.random.default_rng([zlib.crc32(group.encode()), zlib.crc32(purpose.encode())])
 
 
 def sequence(name: str) -> Sequence:
-    """The sequence of a name; `InputError` if there is none."""
+    """The sequence of this name; raises `InputError` for an unknown one."""
     match = KINDS.fullmatch(name)
     if not match:
         raise InputError(
@@ -66,7 +71,7 @@ def sequence(name: str) -> Sequence:
 
 
 def sequence_motion(seq: Sequence, t_s) -> Pose:
-    """``T_cam_port`` at times (N,): sums of slow sinusoids, within an arm's reach and speed."""
+    """``T_cam_port`` at times (N,) s: sums of slow sinusoids, within the reach and speed of an arm."""
     rng, t_s = seq.rng("motion"), np.asarray(t_s, float)
 
     def wander(mean, deviation):
@@ -87,7 +92,7 @@ def sequence_motion(seq: Sequence, t_s) -> Pose:
 
 
 def lamps(seq: Sequence) -> renderer.Lamps:
-    """Colocated; + earthshine (a soft box of four parts) in medium light; + sun in high light."""
+    """The colocated lamp; in medium light also earthshine, a soft lamp; in high light also the sun."""
     rng = seq.rng("lamps")
     position, intensity, radius = [COLOCATED_M], [np.ones(3)], [0.01]
     if seq.light == "medium" or (seq.light == "high" and seq.name.startswith("augmented")):
@@ -110,7 +115,7 @@ def lamps(seq: Sequence) -> renderer.Lamps:
 
 
 def panel(seq: Sequence, port: Port):
-    """The solid and the skin of a sequence."""
+    """The port on its panel (`Solid`) and the panel's skin."""
     rng = seq.rng("panel")
     centre_m = rng.uniform(-1, 1, 2) * [0.10, 0.05]
     size_m = port.panel_size_m
@@ -124,11 +129,12 @@ def panel(seq: Sequence, port: Port):
         centre_m = np.array([0.06, 0.02])
         skin = skins.film(size_m, -centre_m, rng, pleated=seq.port)
     solid = cad.solid(port, centre_m)
-    return (solid if seq.port else solid._replace(bound_radius2=-1.0)), skin
+    return (solid if seq.port else cad.without_port(solid)), skin
 
 
 def backdrop(seq: Sequence, camera: Camera, total_intensity: float) -> np.ndarray:
-    """Radiance (H, W, 3) of the still room: dark; now and then a cloth, an arm's joint, a wall's edge."""
+    """Radiance (H, W, 3) of the room behind the panel: dark, at times with a wall's edge, a cloth, a joint of
+    the arm."""
     rng, (width, height) = seq.rng("backdrop"), camera.size_px
     v, u = np.indices((height, width), np.float32)
     light = np.full((height, width, 3), 0.002, np.float32)

@@ -1,7 +1,7 @@
 """Recordings of the bench: a camera looks at a sequence of the laboratory, image by image, event by event.
 
-Everything random is drawn from the sequence's name, so a recording is a function of its name and length.
-Long ones keep their parts as they grow; an interrupted one goes on from there, to the same bytes.
+Everything random is drawn from the sequence's name, so a recording depends on its name and length alone.  A
+long recording keeps finished parts on disk; an interrupted one goes on from them and ends in the same bytes.
 """
 
 from __future__ import annotations
@@ -9,25 +9,28 @@ from __future__ import annotations
 import shutil
 import zipfile
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from ..files import atomic
+from ..files import atomic, has_mark
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
-from ..types import EVENT, Camera, InputError, Port, Recording, Trajectory
-from . import event_sensor, optics, renderer
-from .laboratory import GAIN, SECONDS, Sequence, backdrop, lamps, panel, sequence, sequence_motion
+from ..types import EVENT, Camera, InputError, Port, Pose, Recording, Trajectory
+from . import laboratory, optics, renderer
+from .event_sensor import EventSensor, SensorSettings
+from .laboratory import GAIN, SECONDS, Sequence, sequence, sequence_motion
 
 EXPOSURE_US, SUB_EXPOSURES = 8000, 2
 LENS_BLUR_PX = 0.6
 STEP_PX = 0.9  # image motion between renders
 FRAME_HZ, TRUTH_HZ = 20, 200
 THREADS = 2
-PART_S = 5.0  # what an interruption may cost
+PART_S = 5.0  # seconds of recording that an interruption may cost
 
 
 def render_times_us(seq: Sequence, port: Port, camera: Camera, seconds: float) -> np.ndarray:
@@ -55,56 +58,87 @@ def _visible_points_m(port: Port) -> np.ndarray:
     return np.concatenate([grid, circle_points_m(radius, 6) + height])
 
 
-def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, device, skip=0) -> Iterator[tuple]:
-    """Yield ``(t_us, events since the last, frame or None)`` in order, without the first ``skip``.
+@dataclass(frozen=True)
+class Setup:
+    """The parts of the laboratory that a recording is made with; a script may put others in their place.
 
-    Images are rendered ahead on threads; ``device`` (`EventSensor`) makes events of them here, in order.
+    ``panel(seq, port)``, ``lamps(seq)`` and ``backdrop(seq, camera, total_intensity)`` are as in
+    `laboratory`, and ``render`` is as in `renderer`.
     """
-    solid, skin = panel(seq, port)
-    light = lamps(seq)
-    still = backdrop(seq, camera, light.intensity[:, 0].sum())
-    colour, mono = (skin, light, still), renderer.to_monochrome(skin, light, still)
-    rays = renderer.ray_grid(camera, 1), renderer.ray_grid(camera, SUB_EXPOSURES)
 
-    def look(T_cam_port, what, ray):
-        return renderer.render(solid, what[0], what[1], T_cam_port, ray, what[2])[0]
-
-    def image(job):
-        t_us, poses, frame = job
-        if not frame:
-            return t_us, optics.apply_lens(look(poses, mono, rays[0]), LENS_BLUR_PX) * (255 * GAIN), None
-        parts = [look(T, colour, rays[1][k : k + 1]) for k, T in enumerate(poses)]
-        radiance = optics.apply_lens(np.mean(parts, 0), LENS_BLUR_PX)
-        return t_us, None, optics.expose(radiance, GAIN, seq.rng(f"frame {seq.light} {t_us}"))
-
-    first = sequence_motion(seq, np.zeros(1))[0]
-    for what, ray in zip((mono, colour), rays, strict=True):  # compiled before there are threads
-        renderer.render(solid, *what[:2], first, ray[:, :1, :1].copy(), what[2][:1, :1].copy())
-    for t_us, intensity, frame in _ahead(image, _jobs(seq, camera, port, seconds)[skip:]):
-        yield t_us, device(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
+    panel: Callable = laboratory.panel
+    lamps: Callable = laboratory.lamps
+    backdrop: Callable = laboratory.backdrop
+    render: Callable = renderer.render
+    lens_blur_px: float = LENS_BLUR_PX
+    frame_hz: float = FRAME_HZ
 
 
-def _jobs(seq: Sequence, camera: Camera, port: Port, seconds: float) -> list[tuple]:
-    """All renders in the order of time: ``(t_us, pose or sub-exposures' poses, is a frame)``."""
+OUR_SETUP = Setup()
+
+
+def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, sensor, skip: int = 0,
+           setup: Setup = OUR_SETUP) -> Iterator[tuple]:  # fmt: skip
+    """Yield ``(t_us, events since the last image, frame or None)`` in order, without the first ``skip``.
+
+    Threads render a few images ahead; ``sensor`` (an `EventSensor`) makes events of them here, in order.
+    """
+    solid, skin = setup.panel(seq, port)
+    lamps = setup.lamps(seq)
+    backdrop = setup.backdrop(seq, camera, lamps.intensity[:, 0].sum())
+    colour = skin, lamps, backdrop
+    monochrome = renderer.to_monochrome(skin, lamps, backdrop)
+    event_rays, frame_rays = renderer.ray_grid(camera, 1), renderer.ray_grid(camera, SUB_EXPOSURES)
+
+    def radiance(T_cam_port, scene, rays):
+        skin, lamps, backdrop = scene
+        return setup.render(solid, skin, lamps, T_cam_port, rays, backdrop)[0]
+
+    def image(view: View):
+        if not view.is_frame:
+            intensity = optics.apply_lens(radiance(view.poses, monochrome, event_rays), setup.lens_blur_px)
+            return view.t_us, intensity * (255 * GAIN), None
+        parts = [radiance(T, colour, frame_rays[k : k + 1]) for k, T in enumerate(view.poses)]
+        mean = optics.apply_lens(np.mean(parts, 0), setup.lens_blur_px)
+        return view.t_us, None, optics.expose(mean, GAIN, seq.rng(f"frame {seq.light} {view.t_us}"))
+
+    T_first = sequence_motion(seq, np.zeros(1))[0]
+    for scene, rays in ((monochrome, event_rays), (colour, frame_rays)):  # compile before threads start
+        corner = *scene[:2], scene[2][:1, :1].copy()
+        radiance(T_first, corner, rays[:, :1, :1].copy())
+    views = _views(seq, camera, port, seconds, setup.frame_hz)
+    for t_us, intensity, frame in _compute_ahead(image, views[skip:]):
+        yield t_us, sensor(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
+
+
+class View(NamedTuple):
+    """An image to render: for the event sensor with one pose, or a frame with those of its sub-exposures."""
+
+    t_us: int
+    poses: Pose
+    is_frame: bool
+
+
+def _views(seq: Sequence, camera: Camera, port: Port, seconds: float, frame_hz: float) -> list[View]:
+    """All images in the order of time."""
     steps_us = render_times_us(seq, port, camera, seconds)
-    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / FRAME_HZ).astype(np.int64)
+    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / frame_hz).astype(np.int64)
     parts_us = ((np.arange(SUB_EXPOSURES) + 0.5) / SUB_EXPOSURES - 0.5) * EXPOSURE_US
-    steps = [
-        (t, pose, False) for t, pose in zip(steps_us, sequence_motion(seq, steps_us * 1e-6), strict=True)
-    ]
+    steps = [View(t, T, False) for t, T in zip(steps_us, sequence_motion(seq, steps_us * 1e-6), strict=True)]
     times = frames_us[:, None] + parts_us
     poses = sequence_motion(seq, times.ravel() * 1e-6)
-    frames = [(t, poses[i * SUB_EXPOSURES : (i + 1) * SUB_EXPOSURES], True) for i, t in enumerate(frames_us)]
-    return sorted(steps + frames, key=lambda job: (job[0], job[2]))
+    frames = [View(t, poses[i * SUB_EXPOSURES : (i + 1) * SUB_EXPOSURES], True)
+              for i, t in enumerate(frames_us)]  # fmt: skip
+    return sorted(steps + frames, key=lambda view: (view.t_us, view.is_frame))
 
 
-def _ahead(function, jobs, depth: int = 6):
-    """Results of ``function`` over ``jobs``, in order, computed a few ahead on `THREADS` threads."""
+def _compute_ahead(function, arguments, depth: int = 6):
+    """Results of ``function`` over ``arguments``, in order, computed a few ahead on `THREADS` threads."""
     with ThreadPoolExecutor(THREADS) as pool:
-        waiting = deque(pool.submit(function, job) for job in jobs[:depth])
-        for job in jobs[depth:]:
+        waiting = deque(pool.submit(function, argument) for argument in arguments[:depth])
+        for argument in arguments[depth:]:
             yield waiting.popleft().result()
-            waiting.append(pool.submit(function, job))
+            waiting.append(pool.submit(function, argument))
         while waiting:
             yield waiting.popleft().result()
 
@@ -118,8 +152,9 @@ def duration_s(seq: Sequence, seconds: float | None, profile: str = "quick") -> 
 
 
 def simulate(name: str, seconds: float | None = None, progress=None, *, camera: Camera | None = None,
-             parts: Path | None = None, sensor: event_sensor.Sensor | None = None) -> Recording:  # fmt: skip
-    """Record a sequence with a camera (default: DAVIS 346) looking at an LM-MAP.
+             parts: Path | None = None, sensor: SensorSettings | None = None,
+             setup: Setup = OUR_SETUP) -> Recording:  # fmt: skip
+    """Record a sequence with a camera (default: DAVIS 346) that looks at an LM-MAP.
 
     Parameters
     ----------
@@ -128,9 +163,12 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     progress
         Called with the seconds done.
     parts
-        A folder for what is done so far: the same call goes on from there.  It is the caller's to remove.
+        A folder that keeps finished parts, so that the same call goes on after an interruption.  The caller
+        removes it.
     sensor
         Parameters of the event sensor.
+    setup
+        Other lamps, panels, and so on than the laboratory's.
 
     Raises
     ------
@@ -140,65 +178,59 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     seq, port = sequence(name), Port.lm_map()
     camera = Camera.davis346() if camera is None else camera
     seconds = duration_s(seq, seconds)
-    device = event_sensor.EventSensor(camera, sensor or event_sensor.Sensor(), seq.rng("events " + seq.light))
-    done = _resume(parts, device, f"{name} {seconds} {camera} {device.sensor}")
-    skip, begun_us = (int(done[-1][k]) for k in ("images", "t_us")) if done else (0, 0)
+    event_sensor = EventSensor(camera, sensor or SensorSettings(), seq.rng("events " + seq.light))
+    finished = _resume(parts, event_sensor, f"{name} {seconds} {camera} {event_sensor.settings}")
+    skip, part_start_us = (int(finished[-1][k]) for k in ("images", "t_us")) if finished else (0, 0)
     part = {"events": [], "frames": [], "frames_t_us": []}
-    for images, (t_us, some, frame) in enumerate(stream(seq, camera, port, seconds, device, skip), skip + 1):
+    images = stream(seq, camera, port, seconds, event_sensor, skip, setup)
+    for count, (t_us, events, frame) in enumerate(images, skip + 1):
         if frame is None:
-            part["events"].append(some)
+            part["events"].append(events)
         else:
             part["frames"].append(frame)
             part["frames_t_us"].append(t_us)
-        if t_us - begun_us > PART_S * 1e6:
-            done.append(_joined(part, camera))
-            part, begun_us = {key: [] for key in part}, t_us
+        if t_us - part_start_us > PART_S * 1e6:
+            finished.append(_join_part(part, camera))
+            part, part_start_us = {key: [] for key in part}, t_us
             if parts is not None:
-                _keep(parts / f"{len(done) - 1:04d}.npz", done[-1] | device.state(), images=images, t_us=t_us)
+                with atomic(parts / f"{len(finished) - 1:04d}.npz") as temporary:
+                    np.savez(temporary, images=count, t_us=t_us, **finished[-1], **event_sensor.state())
         if progress:
             progress(t_us * 1e-6)
-    done.append(_joined(part, camera))
-    events, frames, frames_us = (np.concatenate([d[key] for d in done]) for key in part)
+    finished.append(_join_part(part, camera))
+    events, frames, frames_us = (np.concatenate([done[key] for done in finished]) for key in part)
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
     truth = Trajectory(truth_us, sequence_motion(seq, truth_us * 1e-6)) if seq.port else None
     return Recording(name, camera, events, frames, frames_us, truth)
 
 
-def _joined(part: dict, camera: Camera) -> dict:
-    none = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
+def _join_part(part: dict, camera: Camera) -> dict:
+    no_frames = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
     return {
         "events": np.concatenate([np.empty(0, EVENT), *part["events"]]),
-        "frames": np.stack(part["frames"]) if part["frames"] else none,
+        "frames": np.stack(part["frames"]) if part["frames"] else no_frames,
         "frames_t_us": np.array(part["frames_t_us"], np.int64),
     }
 
 
-def _keep(path: Path, arrays: dict, **counts) -> None:
-    """Save a part with the sensor's state behind it, whole or not at all."""
-    with atomic(path) as temporary:
-        np.savez(temporary, **counts, **arrays)
-
-
-def _resume(folder: Path | None, device, made_of: str) -> list[dict]:
-    """The parts of an earlier call for the same thing, and the sensor put into the state behind them."""
+def _resume(folder: Path | None, event_sensor: EventSensor, mark: str) -> list[dict]:
+    """The parts that an interrupted call of the same mark has finished; the sensor goes on from the last."""
     if folder is None:
         return []
     try:
-        label = folder / "made-of.txt"
-        if folder.exists() and not (label.exists() and label.read_text() == made_of):
+        if folder.exists() and not has_mark(folder / "made-of.txt", mark):
             shutil.rmtree(folder)
         folder.mkdir(exist_ok=True)
-        label.write_text(made_of)
+        (folder / "made-of.txt").write_text(mark)
     except OSError as error:
         raise InputError(f"{folder}: cannot write ({error.strerror}); choose another output folder") from None
-    done, last = [], None
+    finished = []
     for path in sorted(folder.glob("*.npz")):
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-                last = dict(data)
-        except (ValueError, OSError, KeyError, zipfile.BadZipFile):  # cut short: made anew
+                finished.append(dict(data))
+        except (ValueError, OSError, KeyError, zipfile.BadZipFile):  # cut short: it is made anew
             break
-        done.append(last)
-    if last is not None:
-        device.restore(last)
-    return done
+    if finished:
+        event_sensor.restore(finished[-1])
+    return finished

@@ -9,9 +9,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from .cad import FAR_M, MARKER, NOTHING, PANEL, RING, hit_panel, hit_port
+from .compiler import njit
 
 RETRO_PEAK_SR = 12.0  # retro-reflected radiance per irradiance, with lamp and eye in line
 RETRO_WIDTH_RAD = np.deg2rad(3.0)

@@ -1,4 +1,7 @@
-"""Sequences of the bench written to files: resumable, several at once, on one machine or a Dask cluster."""
+"""Sequences of the bench written to files: several at once, here or on a Dask cluster.
+
+An interrupted call goes on where it stopped.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,9 @@ from . import sequences
 
 
 def record(name: str, seconds: float, path, progress=None, camera: Camera | None = None) -> tuple[int, int]:
-    """Simulate a sequence into a file, going on where an interrupted call stopped; numbers of events, frames.
+    """Simulate a sequence into a file; returns the numbers of its events and frames.
 
-    What is done so far lies in ``NAME.parts`` beside ``path`` until the file is whole.
+    Finished parts lie in a folder ``NAME.parts`` beside ``path`` until the file is whole.
     """
     path = Path(path)
     parts = path.with_name(path.name + ".parts")
@@ -27,19 +30,19 @@ def record(name: str, seconds: float, path, progress=None, camera: Camera | None
 
 
 def record_all(jobs, workers: int = 1, scheduler: str | None = None) -> Iterator[tuple[Path, int, int]]:
-    """`record` each ``(name, seconds, path)`` on some processes; yields ``(path, events, frames)``.
+    """`record` each ``(name, seconds, path)``, in parallel; yields ``(path, events, frames)``.
 
     Parameters
     ----------
     scheduler
-        Address of a Dask scheduler whose workers see the same files; they then do the work.
+        Address of a Dask scheduler.  Its workers then do the work; they must see the same files.
 
     Raises
     ------
     InputError
-        Of any sequence; without the package ``distributed`` where a scheduler is given.
+        As `record`; or if a scheduler is given and the package ``distributed`` is missing.
     """
-    tasks = [joblib.delayed(_one)(*job) for job in jobs]
+    tasks = [joblib.delayed(_record_job)(*job) for job in jobs]
     if scheduler is None:
         yield from joblib.Parallel(n_jobs=workers, return_as="generator")(tasks)
         return
@@ -59,5 +62,5 @@ def record_all(jobs, workers: int = 1, scheduler: str | None = None) -> Iterator
         yield from joblib.Parallel()(tasks)
 
 
-def _one(name: str, seconds: float, path: Path) -> tuple[Path, int, int]:
+def _record_job(name: str, seconds: float, path: Path) -> tuple[Path, int, int]:
     return (path, *record(name, seconds, path))

@@ -1,8 +1,8 @@
-"""The panel's skins: crinkled metallised film, and textures that are nothing like a satellite.
+"""The panel's skins: crinkled metallised film, and covers that are nothing like a satellite's.
 
-A skin is a map over the panel, ``(rows, columns, CHANNELS)`` float32, one texel a millimetre:
-diffuse albedo RGB, specular reflectance at normal incidence RGB, GGX roughness alpha, and the slopes
-dz/dx, dz/dy of the surface.
+A skin is a map over the panel, ``(rows, columns, CHANNELS)`` float32 with one texel for each millimetre.  Its
+channels are diffuse albedo RGB, specular reflectance RGB at normal incidence, GGX roughness alpha, and the
+slopes dz/dx and dz/dy of the surface.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ DIFFUSE, SPECULAR, ROUGHNESS, SLOPE = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 CHANNELS = 9
 # reflectance of evaporated metal at normal incidence, linear RGB (handbook values, rounded)
 METALS = {"aluminium": (0.91, 0.92, 0.92), "gold": (1.00, 0.77, 0.34)}
-# film that was crushed and smoothed down again: size of its facets (texels), height of their edges
+# creases of film that was crushed and smoothed again: size of the facets (texels), height of their edges
 CREASES_M = ((110, 0.0022), (45, 0.0014), (16, 0.0005), (8, 0.00018))
 PHOTOGRAPHS = ("astronaut", "brick", "camera", "chelsea", "coffee", "coins", "grass", "gravel", "page",
                "rocket", "text", "moon")  # fmt: skip
@@ -31,11 +31,12 @@ def smooth_noise(shape, cell: float, rng) -> np.ndarray:
 
 
 def texel_shape(panel_size_m) -> tuple[int, int]:
+    """Rows and columns of a skin."""
     return round(panel_size_m[1] / TEXEL_M), round(panel_size_m[0] / TEXEL_M)
 
 
 def film(panel_size_m, centre_m, rng, metal="aluminium", pleated=True) -> np.ndarray:
-    """Metallised film glued to a sheet: creases at several scales, pleats around a ring at ``centre_m``."""
+    """Metallised film glued to a board: creases at several scales, pleats around a ring at ``centre_m``."""
     shape = texel_shape(panel_size_m)
     rows, columns = np.indices(shape, np.float32)
     height_m = np.zeros(shape, np.float32)
@@ -71,7 +72,8 @@ def _slopes(height_m) -> np.ndarray:
 
 
 def textured_cover(panel_size_m, rng) -> np.ndarray:
-    """A cover that is no satellite's: paint, boards, checks, photographs, blobs of any gloss."""
+    """A cover that is no satellite's: layers of paint, noise, checks, stripes, photographs and blobs, of any
+    gloss."""
     shape = texel_shape(panel_size_m)
     albedo = _paint(shape, rng)
     for layer in rng.choice([_noise, _checks, _photograph, _blobs, _stripes], rng.integers(1, 4)):
@@ -95,7 +97,7 @@ def _paint(shape, rng):
 
 
 def _patch(shape, rng) -> np.ndarray:
-    """A random box that holds at least a ninth of the panel, or all of it."""
+    """Mask of the whole panel, or of a random box of at least a ninth of it."""
     if rng.random() < 0.4:
         return np.ones(shape, bool)
     cover = np.zeros(shape, bool)
@@ -111,28 +113,28 @@ def _noise(shape, rng):
     return share * _colour(rng) + (1 - share) * _colour(rng), _patch(shape, rng)
 
 
-def _turned(shape, rng):
+def _turned_axes(shape, rng):
     rows, columns = np.indices(shape)
     a = rng.uniform(0, np.pi)
     return rows * np.cos(a) + columns * np.sin(a), columns * np.cos(a) - rows * np.sin(a)
 
 
 def _checks(shape, rng):
-    u, v = _turned(shape, rng)
+    u, v = _turned_axes(shape, rng)
     cell = rng.uniform(8, 60)
     odd = ((u // cell + v // cell) % 2)[..., None]
     return odd * _colour(rng) + (1 - odd) * _colour(rng), _patch(shape, rng)
 
 
 def _stripes(shape, rng):
-    u, _ = _turned(shape, rng)
+    u, _ = _turned_axes(shape, rng)
     period = rng.uniform(10, 120)
     on = (u % period < rng.uniform(0.1, 0.9) * period)[..., None]
     return on * _colour(rng) + (1 - on) * _colour(rng), _patch(shape, rng)
 
 
 def _blobs(shape, rng):
-    """Discs, boxes and rings: shapes that look like a port's ring and are none."""
+    """Discs, boxes and rings: shapes that resemble a port's ring."""
     canvas = np.zeros(shape, np.uint8)
     for _ in range(rng.integers(2, 14)):
         c = tuple(int(v) for v in rng.integers(0, [shape[1], shape[0]]))

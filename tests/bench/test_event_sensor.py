@@ -5,12 +5,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from lmmap.bench.event_sensor import EventSensor, Sensor
+from lmmap.bench.event_sensor import EventSensor, SensorSettings
 from lmmap.types import Camera
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
-OFF = {field.name: 0.0 for field in fields(Sensor)} | {"cutoff_hz": np.inf}
-IDEAL = Sensor(**OFF | {"threshold": 0.2})
+OFF = {field.name: 0.0 for field in fields(SensorSettings)} | {"cutoff_hz": np.inf}
+IDEAL = SensorSettings(**OFF | {"threshold": 0.2})
 
 
 def flat(value):
@@ -98,7 +98,7 @@ def test_slow_and_fast_rendering_of_a_ramp_agree():
 
 
 def test_time_never_runs_backward_and_pixels_are_inside(rng):
-    events = run(Sensor(), [np.exp(rng.normal(3, 1, (24, 32))) for _ in range(30)])
+    events = run(SensorSettings(), [np.exp(rng.normal(3, 1, (24, 32))) for _ in range(30)])
     assert len(events) > 1000
     assert np.all(np.diff(events["t_us"]) >= 0)
     assert events["x"].min() >= 0 and events["x"].max() < 32
@@ -171,10 +171,10 @@ def test_each_effect_matters_alone_and_is_off_at_zero(effect):
 
 
 @pytest.mark.parametrize(
-    "field", [f.name for f in fields(Sensor) if not f.name.startswith(("hot", "shot", "leak"))]
+    "field", [f.name for f in fields(SensorSettings) if not f.name.startswith(("hot", "shot", "leak"))]
 )
 def test_only_noise_and_leak_stir_a_still_scene(field):
-    value = getattr(Sensor(), field)
+    value = getattr(SensorSettings(), field)
     assert len(run(replace(IDEAL, **{field: value}), [flat(80.0)] * 100, step_us=10_000)) == 0
 
 

@@ -26,7 +26,7 @@ def lamp(position, intensity=1.0):
 
 
 def panel_skin(skin, lamps, pose=FRONTAL):
-    bare = cad.solid(PORT)._replace(bound_radius2=-1.0)
+    bare = cad.without_port(cad.solid(PORT))
     return renderer.render(bare, skin, lamps, pose, RAYS, BLACK)[0]
 
 

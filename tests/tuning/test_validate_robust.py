@@ -7,7 +7,7 @@ import validation_world as world
 from strategies import PORT, pose
 from validation_conditions import CONDITIONS, covered
 
-from lmmap.bench import labels, renderer, sequences
+from lmmap.bench import labels, laboratory, renderer, sequences
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment
@@ -70,11 +70,10 @@ def test_gaps_are_dark_and_stay_ring():
     assert dark.mean() == pytest.approx(share, rel=0.3)
 
 
-def test_the_other_laboratory_ends_with_its_block():
-    own = sequences.panel, sequences.LENS_BLUR_PX, renderer.PARTS
-    with world.another_laboratory(0.0):
-        assert sequences.panel is world.panel
-    assert sequences.panel is own[0] and own[1] == sequences.LENS_BLUR_PX and renderer.PARTS is own[2]
+def test_the_other_setup_leaves_the_laboratory_as_it_is():
+    other, own = world.other_setup(0.0), sequences.Setup()
+    assert other.panel is world.panel and other.lens_blur_px != own.lens_blur_px
+    assert own == sequences.OUR_SETUP and own.panel is laboratory.panel and own.render is renderer.render
 
 
 @pytest.mark.parametrize("modality", CONDITIONS)
