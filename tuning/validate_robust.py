@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from unittest import mock
 
 import numpy as np
@@ -114,8 +115,9 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
         for old in links.glob("*.ckpt.safetensors"):  # of another variant
             old.unlink()
         recipe = Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")
-        with without(left_out), mock.patch.object(train, "MOST_VALIDATED", 4):
-            train.train(recipe, links, lambda line: print(label, line), kept, names, every=steps)
+        with without(left_out):
+            report = partial(print, label)
+            train.train(recipe, links, report, kept, names, every=steps, validation_images=4)
     return load_filter(kept, modality)
 
 

@@ -36,8 +36,10 @@ def paper_saturation_percent() -> np.ndarray:
                      for light in LIGHTS])  # fmt: skip
 
 
-def lamp_images(camera: Camera, port: Port):
+def lamp_images(camera: Camera, port: Port, trajectories=TRAJECTORIES, poses: int = POSES):
     """Radiance around the port under each lamp alone, of unit strength, and the port's regions.
+
+    They are those of ``poses`` on each of the trajectories, as far as the port is in view.
 
     Returns
     -------
@@ -50,10 +52,10 @@ def lamp_images(camera: Camera, port: Port):
     lamps = [renderer.Lamps(*(values[[i]] for values in several))
              for several, i in ((high, 0), (medium, 1), (high, 1))]  # fmt: skip
     strengths = np.float32([1.0, laboratory.EARTHSHINE, laboratory.SUN])
-    for name in TRAJECTORIES:
+    for name in trajectories:
         seq = laboratory.sequence(name)
         solid, skin = laboratory.panel(seq, port)
-        for pose in laboratory.sequence_motion(seq, np.linspace(0, 60, POSES)):
+        for pose in laboratory.sequence_motion(seq, np.linspace(0, 60, poses)):
             region = labels.label_masks(pose, port, camera).any(0)
             if not region.any():
                 continue

@@ -1,2 +1,5 @@
-"""How the filters are trained: `dataset`, `augment`, `recipe`, `train`; `mask_quality` judges what
-they learned."""
+"""Training of the filters: their data, how it is varied, and how a network learns from it.
+
+Read `dataset` (samples on disk), `augment` (variations of an image), `recipe` (what is trained, and for how
+long), `train` and `checkpoint` (how), and `mask_quality` (how well the masks fit the true ones).
+"""

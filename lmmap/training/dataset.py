@@ -1,7 +1,7 @@
-"""The training set on disk: one folder of plain arrays for each sequence, read through memory maps.
+"""The training set on disk: a folder of plain arrays for each sequence, read through memory maps.
 
-An event sample keeps its events sorted by their distance in time from the mask's time.  The first N
-of them are then the N-event histogram whose middle is that time, for any N: one file serves them all.
+An event sample keeps its events sorted by their distance in time from the mask's time.  For any N, the first
+N of them are then the histogram of N events around that time.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ..recordings.stream import Stream
 from ..settings import PAPER
 from ..types import EVENT, Port, Recording
 
-AUGMENTED, REALISTIC = 240, 120  # sequences of each kind
+AUGMENTED, REALISTIC = 240, 120  # numbers of sequences
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5
-EXCERPT_EVERY_S = 4.0  # between pieces of a long recording: neighbouring views are nearly equal
+EXCERPT_EVERY_S = 4.0  # one excerpt of a long recording in this time, as neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
 BENCH = source_files("bench.sequences", "bench.labels")
@@ -36,14 +36,17 @@ SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL}
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:
-    """80/20 by sequence, as neighbouring frames of one sequence are nearly equal: every fifth validates."""
+    """Training and validation sequences, 80/20: every fifth one validates.
+
+    The cut is by sequence because neighbouring frames of one are nearly equal.
+    """
     return [n for i, n in enumerate(names) if i % 5 != 4], names[4::5]
 
 
 def sample_recording(
     recording: Recording, count: int = SAMPLES, port: Port | None = None
 ) -> dict[str, np.ndarray]:
-    """Images and labels at ``count`` times of a recording whose truth is known.
+    """Images and masks at ``count`` times of a recording whose truth is known.
 
     Returns
     -------
@@ -59,27 +62,28 @@ def sample_recording(
         masks = [labels.label_masks(pose, port, camera, rays).astype(np.uint8) for pose in poses]
         return np.array([m[0] | m[1] << 1 for m in masks], np.uint8).reshape(-1, *shape)
 
-    pick = _spread(len(recording.frames), count)
-    events, middles_us = _events(recording, count)
-    return {"rgb": recording.frames[pick], "rgb_labels": masks_at(recording.frames_t_us[pick]),
+    chosen = _spread(len(recording.frames), count)
+    events, middles_us = _sample_events(recording, count)
+    return {"rgb": recording.frames[chosen], "rgb_labels": masks_at(recording.frames_t_us[chosen]),
             "event": events, "event_labels": masks_at(middles_us)}  # fmt: skip
 
 
-def _events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
+def _sample_events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
+    """Pixel numbers (N, M) by distance in time, and the times of the N middles."""
     events, width = recording.events, recording.camera.width_px
     most = min(MOST_EVENTS, len(events))
     rows, middles_us, core = [], [], PAPER.events_per_window
     if most >= core:
         for start in _spread(len(events) - most + 1, count):
-            some = events[start : start + most]
+            piece = events[start : start + most]
             first = (most - core) // 2
-            middle_us = (int(some["t_us"][first]) + int(some["t_us"][first + core - 1])) // 2
-            away_us = np.abs(some["t_us"] - middle_us)
-            reach_us = min(middle_us - some["t_us"][0], some["t_us"][-1] - middle_us)
+            middle_us = (int(piece["t_us"][first]) + int(piece["t_us"][first + core - 1])) // 2
+            away_us = np.abs(piece["t_us"] - middle_us)
+            reach_us = min(middle_us - piece["t_us"][0], piece["t_us"][-1] - middle_us)
             order = np.argsort(away_us, kind="stable")
             order = order[: max(np.count_nonzero(away_us <= reach_us), core)]
             row = np.full(MOST_EVENTS, NO_EVENT, np.uint32)
-            row[: len(order)] = some["y"][order].astype(np.uint32) * width + some["x"][order]
+            row[: len(order)] = piece["y"][order].astype(np.uint32) * width + piece["x"][order]
             rows.append(row)
             middles_us.append(middle_us)
     return np.array(rows, np.uint32).reshape(-1, MOST_EVENTS), middles_us
@@ -90,33 +94,33 @@ def _spread(total: int, wanted: int) -> np.ndarray:
 
 
 def excerpts(stream: Stream, starts_us, length_us: int) -> Iterator[Recording]:
-    """Pieces of a recording whose truth is known, one after the other, in the memory of one of them.
+    """Yield the pieces of a recording that begin at ``starts_us``; its truth has to be known.
 
-    ``starts_us`` are in order, and no two pieces overlap.
+    The starts are in order and the pieces do not overlap, so that one piece at a time is in memory.
     """
     chunks, frames = stream.chunks(), stream.timed_frames()
-    held, last_us, frame = np.empty(0, EVENT), -np.inf, next(frames, None)
+    later, last_us, frame = np.empty(0, EVENT), -np.inf, next(frames, None)
     for start_us in starts_us:
-        end_us, parts, shots = start_us + length_us, [held], []
+        end_us, parts, inside = start_us + length_us, [later], []
         while last_us < end_us and (chunk := next(chunks, None)) is not None:
             last_us = chunk["t_us"][-1]
             parts += [chunk] if last_us >= start_us else []
         events = joined(parts)
         first, last = np.searchsorted(events["t_us"], [start_us, end_us])
-        held = events[last:].copy()
+        later = events[last:].copy()
         while frame is not None and frame[0] < end_us:
-            shots += [frame] if frame[0] >= start_us else []
+            inside += [frame] if frame[0] >= start_us else []
             frame = next(frames, None)
         width, height = stream.camera.size_px
-        images = np.array([image for _, image in shots], np.uint8).reshape(-1, height, width, 3)
-        times_us = np.array([t_us for t_us, _ in shots], np.int64)
+        images = np.array([image for _, image in inside], np.uint8).reshape(-1, height, width, 3)
+        times_us = np.array([t_us for t_us, _ in inside], np.int64)
         yield Recording(stream.name, stream.camera, events[first:last], images, times_us, stream.truth)
 
 
 def make_recording_samples(stream: Stream, label: str, folder: Path, port: Port, report=print) -> list[str]:
-    """Samples of a recording whose truth is known, in ``folder/LABEL-0000`` and so on; the names.
+    """Write samples of a recording into ``folder/LABEL-0000`` and so on; returns these names.
 
-    Masks come from the truth and the CAD, as the paper's do.  What is there already is kept.
+    Masks come from the recording's truth and the CAD, as the paper's do.  Samples that are there are kept.
     """
     length_us, truth_us = int(SEQUENCE_SECONDS * 1e6), stream.truth.t_us
     starts_us = np.arange(truth_us[0], truth_us[-1] - length_us, EXCERPT_EVERY_S * 1e6).astype(np.int64)
@@ -141,7 +145,7 @@ def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = ""
 
 def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS,
                           count: int = SAMPLES) -> Path:  # fmt: skip
-    """Simulate a sequence and keep its samples in ``folder/NAME``, unless they are there."""
+    """Simulate a sequence and write its samples into ``folder/NAME``, unless they are there."""
     if not (folder / name).is_dir():
         recording = sequences.simulate(name, seconds)
         write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))
@@ -151,8 +155,10 @@ def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SEC
 def make_samples(
     names: Iterable[str], folder: Path, processes: int | None = None, report=print, **size
 ) -> None:
-    """Make the samples of many sequences in parallel (``size`` goes to `make_sequence_samples`);
-    memory holds one sequence per process, and an interrupted run goes on where it was."""
+    """`make_sequence_samples` of many sequences in parallel, each process with one sequence in memory.
+
+    ``size`` goes to `make_sequence_samples`.  An interrupted run goes on where it was.
+    """
     absent = [name for name in names if not (folder / name).is_dir()]
     tasks = [joblib.delayed(make_sequence_samples)(name, folder, **size) for name in absent]
     done = joblib.Parallel(processes or os.cpu_count(), return_as="generator_unordered")(tasks)
@@ -161,16 +167,16 @@ def make_samples(
 
 
 @lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
-def _mapped(path: Path) -> np.ndarray:
+def _memory_map(path: Path) -> np.ndarray:
     return np.load(path, mmap_mode="r")
 
 
 class Samples:
-    """The samples of some sequences for one filter; arrays stay on disk until one is asked for.
+    """The samples of several sequences for one filter; arrays stay on disk until one is asked for.
 
     Parameters
     ----------
-    names : sequences; those without samples of this modality count for nothing
+    names : sequences; some may have no sample of this modality
     filter_name, modality : one of `FILTERS`; ``"rgb"`` or ``"event"``
     folder : where `make_samples` wrote
     """
@@ -178,22 +184,22 @@ class Samples:
     def __init__(self, names: list[str], filter_name: str, modality: str, folder: Path):
         self.names, self.modality, self.folder = list(names), modality, folder
         self._bit = FILTERS.index(filter_name)
-        self._where = [(n, i) for n in self.names for i in range(len(self._array(n, "_labels")))]
+        self._places = [(n, i) for n in self.names for i in range(len(self._array(n, "_labels")))]
 
-    def _array(self, name: str, what: str = "") -> np.ndarray:
-        return _mapped(self.folder / name / f"{self.modality}{what}.npy")
+    def _array(self, name: str, suffix: str = "") -> np.ndarray:
+        return _memory_map(self.folder / name / f"{self.modality}{suffix}.npy")
 
     def __len__(self) -> int:
-        return len(self._where)
+        return len(self._places)
 
     def mask(self, index: int) -> np.ndarray:
         """Boolean mask (H, W)."""
-        name, i = self._where[index]
+        name, i = self._places[index]
         return (np.asarray(self._array(name, "_labels")[i]) >> self._bit & 1).astype(bool)
 
     def image(self, index: int, events: int = PAPER.events_per_window) -> np.ndarray:
         """Frame (H, W, 3) u8, or histogram (H, W) u16 of the ``events`` events nearest the mask's time."""
-        name, i = self._where[index]
+        name, i = self._places[index]
         data = self._array(name)[i]
         if self.modality == "rgb":
             return np.asarray(data)

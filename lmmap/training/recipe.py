@@ -1,4 +1,4 @@
-"""What a training run depends on: which filter, on which data, for how many steps, and which of them ship."""
+"""Recipes: which filter is trained, on which data and for how many steps, and the recipes of what ships."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from ..pipeline.network import CHANNELS
 from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..types import InputError
 
-STEPS = {  # of the shipped weights: until the validation IoU hardly rose; thin marks on events take longest
+STEPS = {  # of the shipped weights, until the validation IoU hardly rose
     "ring-rgb": {"high": 2500, "low": 8000, "robust": 1500},
     "ring-event": {"high": 3000, "low": 28000, "robust": 4000},
     "reflector-rgb": {"high": 2500, "low": 8000, "robust": 1500},
     "reflector-event": {"high": 4000, "low": 34000, "robust": 4000},
 }
-RESTART = {  # all still gained when their rate was zero
+RESTART = {  # steps at which the shipped weights began a new cosine, as they had still gained at its end
     "ring-rgb-low": (3000,),
     "ring-event-low": (5000, 11000, 19000),
     "reflector-rgb-low": (3000,),
@@ -25,7 +25,7 @@ RESTART = {  # all still gained when their rate was zero
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a training run depends on, and what its model card prints."""
+    """All that a training run depends on, as its model card shows it."""
 
     filter: str
     modality: str
@@ -37,8 +37,8 @@ class Recipe:
     positive_crops: float = 0.65
     rate: float = 1e-3
     warm_up: int = 100
-    start_from: str = ""  # a domain gap, whose weights are the first ones
-    data: str = ""  # a folder of recordings instead of the bench, by its name
+    start_from: str = ""  # begin with the weights of this domain gap
+    data: str = ""  # name of a folder of recordings, in place of the bench
     restart: tuple[int, ...] = ()  # steps at which the rate rises to its first value and falls once more
 
     def __post_init__(self):
@@ -56,32 +56,32 @@ class Recipe:
 
     @classmethod
     def shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
-        """Of the weights that ship: the robust ones go on from the low domain gap's."""
-        first = "low" if domain_gap == "robust" else ""
+        """The recipe of weights that ship; the robust ones go on from the low domain gap's."""
+        start_from = "low" if domain_gap == "robust" else ""
         steps = STEPS[f"{name}-{modality}"][domain_gap]
         restart = () if "steps" in changes else RESTART.get(f"{name}-{modality}-{domain_gap}", ())
-        own = cls(name, modality, domain_gap, steps=steps, start_from=first, restart=restart)
-        return replace(own, **changes)
+        recipe = cls(name, modality, domain_gap, steps=steps, start_from=start_from, restart=restart)
+        return replace(recipe, **changes)
 
     @property
     def name(self) -> str:
-        """What its weights are called."""
+        """The name of its weights."""
         return f"{self.filter}-{self.modality}-{self.domain_gap}"
 
     def phase(self, step: int) -> float:
-        """Of the cosine along which the rate falls, in [0, 1)."""
+        """Phase in [0, 1) of the cosine along which the rate falls."""
         ends = (0, *self.restart, self.steps)
         first, last = next((a, b) for a, b in pairwise(ends) if step < b)
         return (step - first) / (last - first)
 
     @property
-    def begun(self) -> list[Recipe]:
-        """Recipes that this one goes on from: itself until each of its restarts."""
+    def earlier(self) -> list[Recipe]:
+        """The recipes that this one can go on from: itself, ended at each of its restarts."""
         return [replace(self, steps=step, restart=self.restart[:k]) for k, step in enumerate(self.restart)]
 
     @property
     def command(self) -> str:
-        """What makes the weights again."""
+        """The command that makes the weights again."""
         return (
             f"lmmap train --filter {self.filter} --modality {self.modality} "
             f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"

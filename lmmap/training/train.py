@@ -1,38 +1,35 @@
-"""Training the filters on the bench's data set: batches, loop, validation, checkpoints.
+"""Training a filter: batches, steps, validation, checkpoints.
 
-The paper's recipe: Adam, binary cross-entropy, an 80/20 cut.  Ours cuts by sequence, not by frame, so
-that neighbouring frames do not leak.  Beyond the recipe: crops, most of them on positives, flips and
-quarter turns, warm-up and cosine, the output bias at the class prior.
+The paper trains with Adam and binary cross-entropy, and cuts its data 80/20.  Our cut is by sequence, not by
+frame, so that no validation frame has a neighbour in training.  Ours are also: crops, most of them on
+positive pixels; flips and quarter turns; warm-up and a cosine; and the output bias at the class prior.
 """
 
 from __future__ import annotations
 
-import json
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch.nn import functional as F
 
-from ..files import atomic
 from ..pipeline.network import CHANNELS, FilterNet, encode, keep_freed_memory
 from ..pipeline.weights import load_card, load_weights, save_weights, weight_path
 from ..provenance import commit
 from ..settings import PAPER
-from ..types import InputError
 from . import augment, dataset
+from .checkpoint import resume, resume_from_weights, save_checkpoint
 from .recipe import Recipe
 
-CHECKPOINT_STEPS, CHECKED = 250, 32  # how often, and on how many held-out images, progress is measured
-MOST_VALIDATED = 128  # images of the last validation, spread evenly
+CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
+VALIDATION_IMAGES = 128  # of the last check, spread evenly
 
 
 def make_batch(samples: dataset.Samples, recipe: Recipe, step: int):
-    """Crops of step ``step``: a function of the recipe's seed and the step alone, so runs resume.
+    """Crops of step ``step``.  They depend on the recipe's seed and the step alone, so that runs resume.
 
     Returns
     -------
@@ -53,10 +50,10 @@ def _crop(samples, recipe, rng):
     if robust:
         events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
     corner = rng.integers(0, np.array(mask.shape) - size + 1)
-    active = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
-    if len(active):
-        one = np.array(np.unravel_index(active[rng.integers(len(active))], mask.shape))
-        corner = np.clip(one - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
+    positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
+    if len(positive):
+        pixel = np.array(np.unravel_index(positive[rng.integers(len(positive))], mask.shape))
+        corner = np.clip(pixel - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
     window = tuple(slice(a, a + size) for a in corner)
     image = samples.image(index, events)[window].astype(np.float32)
     image, mask = augment.flip([image, mask[window]], rng)
@@ -70,25 +67,28 @@ def _crop(samples, recipe, rng):
 
 
 @torch.inference_mode()
-def validate(net: FilterNet, samples: dataset.Samples, most: int = MOST_VALIDATED) -> dict:
-    """Mean loss over pixels, and the intersection over union of all masks together."""
+def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDATION_IMAGES) -> dict:
+    """Mean loss over the pixels of up to ``most`` images, and the intersection over union of all masks
+    together."""
     net.eval()
     device, loss, inter, union = next(net.parameters()).device, 0.0, 0, 0
-    some = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
-    for i in some:
+    indices = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
+    for i in indices:
         x = encode(samples.image(i)[None], samples.modality).to(device, memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16):
             logits = net(x)[0, 0].float()
         target = torch.from_numpy(samples.mask(i)).to(device)
-        loss += F.binary_cross_entropy_with_logits(logits, target.float()).item() / len(some)
+        loss += F.binary_cross_entropy_with_logits(logits, target.float()).item() / len(indices)
         inter += (target & (logits > 0)).sum().item()
         union += (target | (logits > 0)).sum().item()
-    return {"loss": round(loss, 6), "iou": round(inter / max(union, 1), 4), "images": len(some)}
+    return {"loss": round(loss, 6), "iou": round(inter / max(union, 1), 4), "images": len(indices)}
 
 
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
-          every: int | None = None, go_on: bool = False) -> Path:  # fmt: skip
-    """Train one filter, resuming from its checkpoint, and keep its weights; returns their path.
+          every: int | None = None, go_on: bool = False,
+          network: Callable[[int, float], torch.nn.Module] = FilterNet,
+          validation_images: int = VALIDATION_IMAGES) -> Path:  # fmt: skip
+    """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
 
     Parameters
     ----------
@@ -102,18 +102,22 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
     go_on
         Without a checkpoint, begin with the weights that are there, if they ended where the recipe restarts.
-        They are of half precision and Adam's moments are lost, so the card says it.
+        They have half precision and Adam's moments are lost, which the card then says.
+    network
+        Makes the network from its input channels and the share of positive pixels.  It takes images
+        (N, C, H, W) and returns logits (N, 1, H, W).
+    validation_images
+        Held-out images of the last check.
     """
     names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
     dataset.make_samples(names, folder, report=report)
-    samples, held_out = (
-        dataset.Samples(some, recipe.filter, recipe.modality, folder) for some in dataset.split(names)
-    )
+    samples, held_out = (dataset.Samples(part, recipe.filter, recipe.modality, folder)
+                         for part in dataset.split(names))  # fmt: skip
     prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(recipe.seed)
     keep_freed_memory()
-    net = FilterNet(CHANNELS[recipe.modality], prior)
-    run = f"{recipe.name}-{recipe.seed}"
+    net = network(CHANNELS[recipe.modality], prior)
+    run = f"{recipe.name}-{recipe.seed}" + (f"-{network.__name__}" if network is not FilterNet else "")
     if recipe.start_from:
         first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
         net.load_state_dict(load_weights(first, recipe.modality))
@@ -121,24 +125,24 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     net = net.to(device, memory_format=torch.channels_last)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = folder / f"{run}.ckpt.safetensors"
-    start, curve = _resume(checkpoint, net, adam, recipe)
+    start, curve = resume(checkpoint, net, adam, recipe)
     path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
     if go_on and not start:
-        start, curve = _go_on(path, net, recipe)
-    since, running = time.monotonic(), []
+        start, curve = resume_from_weights(path, net, recipe)
+    start_s, losses = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
-            running.append(_step(net, adam, make_batch(samples, recipe, step), recipe, step))
+            losses.append(_step(net, adam, make_batch(samples, recipe, step), recipe, step))
             last = step + 1 == recipe.steps
             if last or (step + 1) % every == 0:
-                curve.append({"step": step + 1, "training_loss": round(float(np.mean(running)), 6),
-                              **validate(net, held_out, MOST_VALIDATED if last else CHECKED)})  # fmt: skip
-                _checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
-                pace = (time.monotonic() - since) / (step + 1 - start)
-                left_min = pace * (recipe.steps - step - 1) / 60
+                fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
+                curve.append({"step": step + 1, "training_loss": round(float(np.mean(losses)), 6), **fit})
+                save_checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
+                pace_s = (time.monotonic() - start_s) / (step + 1 - start)
+                left_min = pace_s * (recipe.steps - step - 1) / 60
                 report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou:.3f}, {:.0f} min left".format(
                     recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
-                running = []
+                losses = []
     path.parent.mkdir(parents=True, exist_ok=True)
     card = {"command": recipe.command, "recipe": asdict(recipe), "commit": commit(),
             "bench": samples.made_of(), "prior": round(prior, 6),
@@ -146,16 +150,18 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
             "training_images": len(samples), "validation_images": len(held_out),
             "device": device, "threads": torch.get_num_threads(), "torch": torch.__version__,
             "curve": curve}  # fmt: skip
+    if network is not FilterNet:
+        card["network"] = network.__name__
     save_weights(net, path, card)
     return path
 
 
 def _step(net, adam, pair, recipe, step) -> float:
-    """One step of Adam; its loss."""
+    """Take one step of Adam; returns its loss."""
     net.train()
     for group in adam.param_groups:
-        warm = min((step + 1) / recipe.warm_up, 1)
-        group["lr"] = recipe.rate * warm * 0.5 * (1 + np.cos(np.pi * recipe.phase(step)))
+        warm_up = min((step + 1) / recipe.warm_up, 1)
+        group["lr"] = recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * recipe.phase(step)))
     device = next(net.parameters()).device
     x = pair[0].to(device, memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
@@ -165,45 +171,3 @@ def _step(net, adam, pair, recipe, step) -> float:
     loss.backward()
     adam.step()
     return loss.item()
-
-
-def _go_on(path, net, recipe) -> tuple[int, list]:
-    """As `_resume`, from weights of the same recipe until a restart; `InputError` if they are of another."""
-    tensors, card = load_weights(path, recipe.modality), load_card(path)
-    if card["recipe"] not in [json.loads(json.dumps(asdict(one))) for one in recipe.begun]:
-        raise InputError(f"{path}: not of this training's first steps ({card['command']}); leave out --go-on")
-    net.load_state_dict(tensors)
-    card["curve"][-1]["went_on_from"] = card["sha256"]
-    return card["recipe"]["steps"], card["curve"]
-
-
-def _checkpoint(path, net, adam, recipe, step, curve) -> None:
-    tensors = {f"net.{k}": v.detach().contiguous() for k, v in net.state_dict().items()}
-    for i, state in adam.state_dict()["state"].items():
-        tensors |= {f"adam.{i}.{k}": v.contiguous() for k, v in state.items()}
-    facts = {"recipe": json.dumps(asdict(recipe)), "step": str(step), "curve": json.dumps(curve)}
-    with atomic(path) as temporary:
-        save_file(tensors, temporary, facts)
-
-
-def _resume(path, net, adam, recipe) -> tuple[int, list]:
-    """Put a checkpoint of the same recipe, or of the same until a restart, into net and optimiser; the next
-    step, and the curve so far."""
-    if not path.exists():
-        return 0, []
-    try:
-        with safe_open(path, "pt") as file:
-            facts = file.metadata()
-            tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    if facts["recipe"] not in [json.dumps(asdict(one)) for one in (recipe, *recipe.begun)]:
-        return 0, []
-    net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
-    state = adam.state_dict()
-    for k, v in tensors.items():
-        if k.startswith("adam."):
-            _, i, name = k.split(".")
-            state["state"].setdefault(int(i), {})[name] = v
-    adam.load_state_dict(state)
-    return int(facts["step"]), json.loads(facts["curve"])

@@ -18,7 +18,7 @@ def test_shares_by_hand():
     assert photometry.roi_saturation_percent(frame, region) == (25.0, 25.0)
 
 
-def test_published_rows():
+def test_the_papers_rows():
     assert photometry.paper_saturation_percent() == pytest.approx(
         np.array([[55.3, 0.0], [23.2, 1.7], [0.1, 12.1]])
     )
@@ -30,10 +30,8 @@ def test_the_bench_has_the_committed_strengths():
     assert used == pytest.approx([result[k] for k in ("gain", "earthshine", "sun")], rel=5e-4)
 
 
-def test_more_light_makes_less_black_and_more_white(monkeypatch):
-    monkeypatch.setattr(photometry, "POSES", 1)
-    monkeypatch.setattr(photometry, "TRAJECTORIES", ("realistic-1",))
-    images, regions = photometry.lamp_images(Camera.davis346(), Port.lm_map())
+def test_more_light_makes_less_black_and_more_white():
+    images, regions = photometry.lamp_images(Camera.davis346(), Port.lm_map(), ["realistic-1"], 1)
     assert len(images) == len(regions) == 1
     dim, bright = (
         photometry.mean_saturation_percent(images, regions, g, 100.0, 1000.0) for g in (0.03, 0.06)

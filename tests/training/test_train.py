@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
+from safetensors.torch import load_file
 
 from lmmap.pipeline import network, weights
 from lmmap.pipeline.weights import weight_path
@@ -195,6 +196,30 @@ def test_a_run_may_start_from_other_weights(toy):
     )
     assert all(torch.equal(first[k], last[k]) for k in first)
     assert weights.load_card(path)["command"].endswith("--start-from low")
+
+
+class TinyNet(torch.nn.Conv2d):
+    """A filter of one convolution."""
+
+    def __init__(self, channels, prior=0.5):
+        super().__init__(channels, 1, 3, padding=1)
+        torch.nn.init.constant_(self.bias, np.log(prior / (1 - prior)))
+
+
+def test_another_network_trains_and_is_another_run(toy):
+    recipe, paths = Recipe("ring", "event", steps=2, batch=2), [toy / f"{n}.safetensors" for n in "ab"]
+    for path in paths:  # the second run goes on from the first one's checkpoint, which was at its end
+        train.train(recipe, toy, quiet, path, network=TinyNet)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    tensors = load_file(paths[0])
+    assert {name: tuple(t.shape) for name, t in tensors.items()} == {"weight": (1, 1, 3, 3), "bias": (1,)}
+    card = network.load_card(paths[0])
+    assert card["network"] == "TinyNet" and [point["step"] for point in card["curve"]] == [2]
+    torch.manual_seed(recipe.seed)
+    first = TinyNet(1, card["prior"]).weight.detach()
+    assert (tensors["weight"].float() - first).abs().max() > 1e-6  # two steps have moved it
+    ours = train.train(recipe, toy, quiet)
+    assert "network" not in network.load_card(ours) and len(load_file(ours)) > 2
 
 
 def test_a_recipe_refuses_what_it_does_not_know():
