@@ -34,7 +34,7 @@ def toy(tmp_path, monkeypatch, rng):
         arrays = dict(rgb=np.repeat(30 * counts[..., None], 3, -1).astype(np.uint8), rgb_labels=labels)
         dataset.write_samples(tmp_path / name, {**arrays, "event": events, "event_labels": labels}, "toy")
     monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.DOMAIN_GAPS})
-    monkeypatch.setattr(network, "WEIGHTS", tmp_path)
+    monkeypatch.setattr(weights, "WEIGHTS", tmp_path)
     return tmp_path
 
 
@@ -213,13 +213,13 @@ def test_another_network_trains_and_is_another_run(toy):
     assert paths[0].read_bytes() == paths[1].read_bytes()
     tensors = load_file(paths[0])
     assert {name: tuple(t.shape) for name, t in tensors.items()} == {"weight": (1, 1, 3, 3), "bias": (1,)}
-    card = network.load_card(paths[0])
+    card = weights.load_card(paths[0])
     assert card["network"] == "TinyNet" and [point["step"] for point in card["curve"]] == [2]
     torch.manual_seed(recipe.seed)
     first = TinyNet(1, card["prior"]).weight.detach()
     assert (tensors["weight"].float() - first).abs().max() > 1e-6  # two steps have moved it
     ours = train.train(recipe, toy, quiet)
-    assert "network" not in network.load_card(ours) and len(load_file(ours)) > 2
+    assert "network" not in weights.load_card(ours) and len(load_file(ours)) > 2
 
 
 def test_a_recipe_refuses_what_it_does_not_know():
