@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ..files import CAMERA, atomic
+from ..files import CAMERA, atomic, check_output
 from ..pages import beside_paper
 from ..pipeline.estimator import Estimator, fitting
 from ..pipeline.network import CHANNELS
@@ -24,50 +23,7 @@ from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
 from ..studies import on_authors_bags, pose_errors
 from ..training.recipe import Recipe
 from ..types import Camera, InputError, Port
-
-DATASET = """examples:
-  lmmap dataset                     what it is, and what each study needs of it
-  lmmap dataset check recordings    what of it lies in a folder, whether it is whole and usable
-"""
-CALIBRATE = """examples:
-  lmmap calibrate dataset_0307/dvs_calibration.bag --board 8x5 --square 0.03     writes camera.json
-  lmmap calibrate normal__train.bag --hand-eye camera-to-robot-calibration_dvs.yaml
-  lmmap calibrate T1_RA_0_ES_0_a.bag T2_RA_0_ES_1_a.bag --free -o rig.json
-"""
-
-
-def register(command) -> None:
-    """Add ``dataset`` and ``calibrate`` to the command line."""
-    sub = command("dataset", dataset, "the authors' published recordings: where, and what is here", DATASET)
-    sub.add_argument("do", nargs="?", choices=("check",), help="default: say what the data set is")
-    sub.add_argument("folder", nargs="?", type=Path, help="of bags, to check")
-    sub.add_argument("--json", action="store_true", help="print JSON")
-    text = "where the port is on the arm, the ring's radius, the camera: from bags as published"
-    sub = command("calibrate", calibrate, text, CALIBRATE)
-    sub.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="not one that you will test on")
-    sub.add_argument("--modality", choices=("rgb", "event"), default="rgb")
-    sub.add_argument("--rate", type=float, default=5.0, metavar="HZ", help="detections a second (default: 5)")
-    sub.add_argument(
-        "--camera", type=Path, metavar="FILE", help=f"calibration (default: {CAMERA} beside the bag)"
-    )
-    sub.add_argument(
-        "--hand-eye", type=Path, metavar="FILE", help="YAML (default: looked for beside the bag)"
-    )
-    sub.add_argument(
-        "--free", action="store_true", help="estimate the camera's place too, whatever a file says"
-    )
-    sub.add_argument("--base", metavar="FRAME", help="the arm's base in /tf")
-    sub.add_argument("--effector", metavar="FRAME", help="the arm's other end in /tf")
-    sub.add_argument(
-        "--on-arm", action="store_true", help="the camera rides on the arm, the port stands still"
-    )
-    sub.add_argument(
-        "--board", metavar="CxR", help="inner corners of a checkerboard: calibrate the camera instead"
-    )
-    sub.add_argument("--square", type=float, default=0.03, metavar="M", help="side of its squares")
-    default = f"default: {RIG_FILE} or {CAMERA}, beside the first bag"
-    sub.add_argument("-o", "--output", type=Path, metavar="FILE", help=default)
-    sub.add_argument("--json", action="store_true", help="print JSON")
+from .inputs import input_files
 
 
 def dataset(a) -> None:
@@ -111,13 +67,13 @@ def dataset(a) -> None:
 def calibrate(a) -> None:
     """A rig from bags, or a camera from one of a checkerboard."""
     if a.board:
-        board(a)
+        calibrate_board(a)
         return
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
-    output = a.output or a.bags[0].parent / RIG_FILE
+    output = check_output(a.output or a.bags[0].parent / RIG_FILE, input_files(a), overwrite=a.overwrite)
     hand_eye = _hand_eye(a)
-    camera, port, found = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []
+    camera, port, detections = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []
     motions = [tf.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
     for path, motion in zip(a.bags, motions, strict=True):  # an arm that is missing is said before the work
         stream = open_stream(path, camera)
@@ -127,19 +83,19 @@ def calibrate(a) -> None:
         estimates = on_authors_bags.detect(stream, estimator, a.rate, kept)
         if not estimates:
             raise InputError(f"{path}: holds no images for --modality {a.modality}; try the other")
-        found.append(calibration.collect_detections(estimates, motion))
+        detections.append(calibration.collect_detections(estimates, motion))
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
-    rig = calibration.calibrate_rig(found, port, _ends(a, a.bags[0], hand_eye), known)
+    rig = calibration.calibrate_rig(detections, port, _ends(a, a.bags[0], hand_eye), known)
     rig.calibration["recordings"] = [path.name for path in a.bags]
     with atomic(output) as temporary:
         rig.save(temporary)
     if a.json:
         print(output.read_text(), end="")
     else:
-        print(f"{output}: {told(rig)}")
+        print(f"{output}: {describe(rig)}")
 
 
-def told(rig) -> str:
+def describe(rig) -> str:
     """A calibration in a few lines."""
     f, T = rig.calibration, rig.T_tip_port
     lines = [
@@ -162,14 +118,14 @@ def told(rig) -> str:
     return "\n  ".join(lines)
 
 
-def board(a) -> None:
+def calibrate_board(a) -> None:
     """Intrinsics from a bag of a checkerboard."""
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(
             f"--board {a.board}: give its inner corners as COLUMNSxROWS, such as 8x5, at least 3 each way"
         )
-    output = a.output or a.bags[0].parent / CAMERA
+    output = check_output(a.output or a.bags[0].parent / CAMERA, input_files(a), overwrite=a.overwrite)
     stream = open_stream(a.bags[0], Camera.davis346() if a.camera is None else Camera.load(a.camera))
     frames = tqdm(stream.timed_frames(), "checkerboard", unit=" frames", disable=None)
     try:
@@ -200,17 +156,10 @@ def _ends(a, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
 
 
 def simulate(a) -> None:
-    """Stand-ins for the published recordings."""
+    """Write stand-ins for the published recordings."""
     if a.seconds is not None and not 0.2 <= a.seconds <= 60:
         raise InputError(f"--seconds {a.seconds:g}: the stand-in's arm follows for 0.2 to 60 s")
     standin.write_set(a.as_published, a.seconds or 6.0)
-
-
-def arguments(sub: argparse.ArgumentParser) -> None:
-    """What ``simulate`` takes for stand-ins."""
-    sub.add_argument(
-        "--as-published", type=Path, metavar="FOLDER", help="stand-ins for the authors' bags, into it"
-    )
 
 
 def train(a) -> None:

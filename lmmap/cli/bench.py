@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from itertools import product
-from pathlib import Path
 
 from tqdm import tqdm
 
 from ..bench import laboratory, photometry, sequences
 from ..bench.simulate import record, record_all
+from ..files import check_output
 from ..pipeline.network import CHANNELS
 from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..provenance import DERIVED_DATA, save_json
@@ -19,12 +19,6 @@ from ..studies import accuracy_run
 from ..training.recipe import Recipe
 from ..types import Camera, InputError
 from . import authors
-
-
-def _check_folder(path: Path) -> None:
-    """Before the work, not after it."""
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no folder {path.parent}; make it first")
 
 
 def simulate(a) -> None:
@@ -38,10 +32,13 @@ def simulate(a) -> None:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
     if len(a.sequence) > 1 and "{}" not in a.output.name:
         raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
-    _check_folder(a.output)
+    paths = [a.output.with_name(a.output.name.replace("{}", name)) for name in a.sequence]
+    for path in paths:
+        for written in (path, path.with_suffix(".camera.json"), path.with_suffix(".truth.csv")):
+            check_output(written, [a.camera], overwrite=a.overwrite)
     camera = Camera.load(a.camera) if a.camera else None
     jobs = [(name, sequences.duration_s(laboratory.sequence(name), a.seconds, a.profile),
-             a.output.with_name(a.output.name.replace("{}", name))) for name in a.sequence]  # fmt: skip
+             path) for name, path in zip(a.sequence, paths, strict=True)]  # fmt: skip
     if a.jobs > 1 or a.scheduler:
         if camera:
             raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
@@ -55,10 +52,10 @@ def simulate(a) -> None:
         print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
 
 
-def calibrate(a) -> None:
+def calibrate_lamps(a) -> None:
     """Exposure and lamps."""
     if a.output:
-        _check_folder(a.output)
+        check_output(a.output, overwrite=a.overwrite)
     result = photometry.calibrate_lamps(lambda line: print(line, file=sys.stderr))
     if a.output:
         save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
@@ -103,3 +100,10 @@ def reproduce(a) -> None:
     if paper and (changed or not (accuracy_run.COMMITTED / "worst.jpg").exists()):
         labels, empty = accuracy_run.labels_of(a.profile), accuracy_run.empty_labels(a.profile)
         gallery.save_sheets(DERIVED_DATA / a.profile, accuracy_run.COMMITTED, labels, empty)
+
+
+def check(a) -> None:
+    """Results and pages beside the committed ones."""
+    from ..pages import reference
+
+    reference.check(a.update)

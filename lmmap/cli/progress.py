@@ -15,13 +15,16 @@ GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
 
 
 def coloured(text, colour: str, file=None) -> str:
-    """The text, in colour where it goes to a terminal whose owner has not said NO_COLOR."""
+    """The text, in colour if it goes to a terminal and NO_COLOR is not set."""
     file = file or sys.stdout
     return f"{colour}{text}{PLAIN}" if file.isatty() and not os.environ.get("NO_COLOR") else str(text)
 
 
 class Bar(tqdm):
-    """Progress in seconds of the recording, with images per second and detections; quiet in a file."""
+    """Progress in seconds of the recording, with images per second and detections.
+
+    It is shown on a terminal only.
+    """
 
     def __init__(self, stream: Stream, modality: str):
         span = stream.source.span_us
@@ -32,7 +35,8 @@ class Bar(tqdm):
         super().__init__(desc=modality, total=total, bar_format=form, disable=None)
         self._first_us, self._began = span[0] if span else None, time.monotonic()
 
-    def shown(self, t_us: int, images: int, poses: int) -> None:
+    def show(self, t_us: int, images: int, poses: int) -> None:
+        """Advance to the time of an image, of so many images and poses."""
         self._first_us = t_us if self._first_us is None else self._first_us
         rate = images / max(time.monotonic() - self._began, 1e-9)
         self.set_postfix_str(f"{rate:.1f} images/s, {poses} of {images} with a pose", refresh=False)
@@ -41,6 +45,7 @@ class Bar(tqdm):
 
 
 def summary(statuses: list[str]) -> str:
+    """The number of images, and of each status among them."""
     counts = Counter(statuses)
     return f"{len(statuses)} images; " + ", ".join(
         coloured(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())

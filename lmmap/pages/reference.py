@@ -232,9 +232,3 @@ def check(update: bool = False, report=print) -> None:
     elif "changed" in counts:
         raise InputError(f"{path}: {counts['changed']} of {len(table)} items have changed; see why, and if "
                          "they should, make them the reference: 'lmmap check --update'")  # fmt: skip
-
-
-def register(command) -> None:
-    """Add ``lmmap check`` to the command line."""
-    sub = command("check", lambda a: check(a.update), "compare results and pages with the committed ones")
-    sub.add_argument("--update", action="store_true", help="make them the reference instead")

@@ -10,6 +10,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
+from ..files import read_text, regular_file
 from ..provenance import DATA
 from ..types import InputError
 from .network import CHANNELS, Filter, FilterNet
@@ -17,6 +18,8 @@ from .network import CHANNELS, Filter, FilterNet
 FILTERS = ("ring", "reflector")
 DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
 WEIGHTS = DATA / "weights"
+MAX_BYTES = 2**26  # of a weight file; ours have 0.2 MB
+MAX_CARD_BYTES = 2**24  # of its card, with the curve of its training
 
 
 def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
@@ -34,7 +37,11 @@ def save_weights(net: FilterNet, path, card: dict) -> None:
 
 def load_card(path) -> dict:
     """The model card beside a weight file."""
-    return json.loads(Path(path).with_suffix(".json").read_text())
+    path = Path(path).with_suffix(".json")
+    try:
+        return json.loads(read_text(path, MAX_CARD_BYTES))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a model card ({str(error)[:100]}); restore it") from None
 
 
 def shipped_gaps() -> list[str]:
@@ -47,9 +54,13 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
     """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
     path = Path(path)
     try:
+        regular_file(path, MAX_BYTES)
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
-        expected = load_card(path)["sha256"]
+        card = load_card(path)
+        if not isinstance(card, dict) or not isinstance(card.get("sha256"), str):
+            raise ValueError("its card states no hash")
+        expected = card["sha256"]
         actual = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError, KeyError, SafetensorError) as error:
         reason = str(error).splitlines()[0]

@@ -3,60 +3,99 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
-import os
-from contextlib import suppress
+import json
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from ..files import check_output, lock, write_text
 from ..types import Estimate, InputError
-from .pose_files import COLUMNS, as_row, read_estimates, read_trajectory, tum_line
+from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
+
+ENDS_BYTES = 2**20  # of a recording, at both ends, by which it is known again
 
 
 class Journal:
     """Estimates on disk one by one, as ``csv`` (`read_estimates`) or ``tum`` (`read_trajectory`).
 
-    Without ``resume``, a file of that name is replaced when the first estimate comes, not before.  With it,
-    ``done_us`` are the times of the estimates that are there already (``tum`` holds poses only), ``done`` the
-    estimates by their times (``csv``); a last line that was cut off is dropped.  Use it in a ``with`` block;
-    raises `InputError` for what cannot be written.
+    Use it in a ``with`` block, which keeps other processes from the same file.  A file that is not resumed is
+    replaced when the first estimate comes, not before.
+
+    Parameters
+    ----------
+    made_of
+        What the estimates depend on, kept beside them as ``NAME.made-of``.  Only a file that was made of the
+        same is resumed.  None: the caller knows it by other means.
+    resume
+        Go on with a file that is there: ``done_us`` are the times of its estimates (``tum`` holds poses
+        only), ``done`` the estimates by their times (``csv``).  A last line that was cut off is dropped.
+
+    Raises
+    ------
+    InputError
+        For what cannot be written, and for a file to resume that is not ours; it is not touched.
     """
 
-    def __init__(self, path, format: str = "csv", resume: bool = False):
+    def __init__(self, path, format: str = "csv", resume: bool = False, made_of: dict | None = None):
         if format not in ("csv", "tum"):
             raise ValueError(f"format: expected 'csv' or 'tum', got {format!r}")
-        self.path, self.format = Path(path), format
+        self.path, self.format = check_output(path, overwrite=True), format
         self.statuses: list[str] = []
         self.done_us: list[int] = []
         self.done: dict[int, Estimate] = {}
+        self._resume, self._made_of = resume, made_of
         self._file = None
-        folder = self.path.parent
-        if not folder.is_dir():
-            raise InputError(f"{path}: no folder {folder}; make it first")
-        if self.path.is_dir():
-            raise InputError(f"{path}: is a folder; give the name of a file")
-        if not os.access(self.path if self.path.exists() else folder, os.W_OK):
-            raise InputError(f"{path}: cannot write there; choose a folder that you may write")
-        self._whole = self._read() if resume and self.path.exists() else None
+        self._whole = 0  # bytes of whole lines to go on behind
+        self._held = ExitStack()
 
-    def _read(self) -> int:
-        """Length in bytes of the whole lines, whose times and statuses are taken."""
+    @property
+    def mark(self) -> Path:
+        """The file that says what the estimates were made of."""
+        return self.path.with_name(self.path.name + ".made-of")
+
+    def _read(self) -> None:
+        """Take the times and statuses of the lines that are whole."""
+        if self._made_of is not None:
+            self._compare_marks()
         content = self.path.read_bytes()
         whole = content.rfind(b"\n") + 1
-        if not content[:whole].strip():
-            return 0
-        if whole < len(content):  # what a killed process left behind
-            with self.path.open("r+b") as file:
-                file.truncate(whole)
+        head = ",".join(COLUMNS).encode() + b"\n"
+        if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
+            raise InputError(
+                f"{self.path}: has other columns than estimates of this version; leave --resume out"
+            )
+        try:
+            text = content[:whole].decode()
+        except UnicodeDecodeError:
+            raise InputError(f"{self.path}: is no table of poses; give another name") from None
+        if not text.strip():
+            return
         if self.format == "tum":
-            self.done_us = read_trajectory(self.path, "tum").t_us.tolist()
+            self.done_us = parse_trajectory(text, self.path, "tum").t_us.tolist()
             self.statuses = ["ok"] * len(self.done_us)
-            return whole
-        if content[:whole].decode(errors="replace").splitlines()[0] != ",".join(COLUMNS):
-            raise InputError(f"{self.path}: has other columns than this version's; leave --resume out")
-        found = read_estimates(self.path)
-        self.done = {e.t_us: e for e in found}
-        self.done_us, self.statuses = [e.t_us for e in found], [str(e.status) for e in found]
-        return whole
+        else:
+            estimates = parse_estimates(text, self.path)
+            self.done = {e.t_us: e for e in estimates}
+            self.done_us, self.statuses = [e.t_us for e in estimates], [str(e.status) for e in estimates]
+        self._whole = whole
+
+    def _compare_marks(self) -> None:
+        try:
+            before = json.loads(self.mark.read_text())
+        except (OSError, ValueError):
+            raise InputError(
+                f"{self.path}: nothing beside it says what it was made of ({self.mark.name}), so "
+                "it cannot be resumed; give another name, or --overwrite to replace it"
+            ) from None
+        now = json.loads(json.dumps(self._made_of))
+        if not isinstance(before, dict) or before != now:
+            keys = sorted(set(now) | set(before)) if isinstance(before, dict) else []
+            differing = [key for key in keys if before.get(key) != now.get(key)]
+            raise InputError(
+                f"{self.path}: was made with another {' and '.join(differing) or 'version'}; resume with the "
+                "same recording and settings, or give another name"
+            )
 
     def has(self, *times_us: int) -> bool:
         """Whether an image is done that is estimated at one of these times; `InputError` if its neighbours
@@ -84,9 +123,7 @@ class Journal:
     def _write(self, text: str) -> None:
         try:
             if self._file is None:
-                self._file = self.path.open("a" if self._whole else "w", newline="")
-                if self.format == "csv" and not self._whole:
-                    self._file.write(",".join(COLUMNS) + "\n")
+                self._open()
             self._file.write(text)
             self._file.flush()
         except OSError as error:
@@ -94,7 +131,30 @@ class Journal:
                 f"{self.path}: cannot write ({error.strerror}); make room, then go on with --resume"
             ) from None
 
+    def _open(self) -> None:
+        """Drop what is not to be kept, say what the file is made of, and open it for the next line."""
+        if self._whole:
+            self._file = self.path.open("r+", newline="")
+            self._file.truncate(self._whole)
+            self._file.seek(self._whole)
+            return
+        if self.path.is_file():
+            self.path.unlink()  # first: a mark must never stand beside another run's lines
+        if self._made_of is not None and not self.path.exists():
+            write_text(self.mark, json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
+        self._file = self.path.open("w", newline="")
+        if self.format == "csv":
+            self._file.write(",".join(COLUMNS) + "\n")
+
     def __enter__(self):
+        if not self.path.exists() or self.path.is_file():
+            self._held.enter_context(lock(self.path))
+        try:
+            if self._resume and self.path.is_file():
+                self._read()
+        except BaseException:
+            self._held.close()
+            raise
         self._times = set(self.done_us)
         return self
 
@@ -102,3 +162,25 @@ class Journal:
         if self._file is not None:
             with suppress(OSError):  # said when it was written
                 self._file.close()
+        self._held.close()
+
+
+def recording_mark(path) -> dict:
+    """Name, size and a hash by which a recording is known again; of long files the hash is of both ends.
+
+    Of a folder they are its list's, and the number of files in it.
+    """
+    path = Path(path)
+    if path.is_dir():
+        lists = [path / name for name in ("timestamps.txt", "images.txt") if (path / name).is_file()]
+        return {
+            "name": path.name,
+            "files": len(list(path.iterdir())),
+            "list": [recording_mark(p) for p in lists],
+        }
+    size, digest = path.stat().st_size, hashlib.sha256()
+    with path.open("rb") as file:
+        digest.update(file.read(ENDS_BYTES))
+        file.seek(max(0, size - ENDS_BYTES))
+        digest.update(file.read(ENDS_BYTES))
+    return {"name": path.name, "bytes": size, "sha256_of_ends": digest.hexdigest()}

@@ -11,6 +11,7 @@ MAX_IMAGE_PIXELS = 2**25  # 33 megapixels, 100 MB in RGB; a DAVIS 346 has 0.09
 MAX_IMAGE_BYTES = 2**27  # of an image file; 33 megapixels as raw RGB have 100 MB
 MAX_LIST_BYTES = 2**26  # of an image folder's list: a million images
 MAX_TRUTH_BYTES = 2**26  # of a trajectory: 600 000 poses, an hour at 170 Hz
+MAX_ESTIMATES_BYTES = 2**29  # of a table of estimates: 400 000 rows, an hour at 110 Hz
 MAX_POSITION_M = 1e6  # a thousand kilometres
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ from ..settings import OURS
 from ..types import EVENT, InputError
 from .aedat4 import rgb
 from .stream import Stream
+
+LONGEST_GAP_S = 10.0  # of a recording that is played: a longer one is passed over
 
 
 class LiveImage(NamedTuple):
@@ -34,7 +37,7 @@ class LiveImage(NamedTuple):
 
 
 class Played:
-    """A stream in real time; its clock starts at the first call of `pending`."""
+    """A stream in real time; its clock starts at the first call of `pending`, and jumps over long gaps."""
 
     def __init__(self, stream: Stream, clock: Callable[[], float] = time.monotonic):
         self.size_px = stream.camera.size_px
@@ -58,9 +61,7 @@ class Played:
                 if self._held is None:
                     self._over = True
                     return due
-            if self._start_s is None:
-                t_us = self._held["t_us"] if modality == "event" else self._held[0]
-                self._start_s, self._first_us = self._clock(), int(np.ravel(t_us)[0])
+            self._keep_time(int(self._held["t_us"][0] if modality == "event" else self._held[0]))
             if modality == "rgb":
                 if self._held[0] > self.now_us():
                     return due
@@ -73,6 +74,15 @@ class Played:
                 self._held = self._held[k:]
                 return due
             self._held = None
+
+    def _keep_time(self, next_us: int) -> None:
+        """Start the clock at the first data, and anew behind a gap that nobody wants to wait for."""
+        if self._start_s is not None and next_us - self.now_us() <= LONGEST_GAP_S * 1e6:
+            return
+        if self._start_s is not None:
+            gap_s = (next_us - self.now_us()) * 1e-6
+            warnings.warn(f"live: nothing for {gap_s:.0f} s of the recording; passed over", stacklevel=4)
+        self._start_s, self._first_us = self._clock(), next_us
 
 
 class Attached:
@@ -109,11 +119,14 @@ class Attached:
         return data
 
 
-def newest(device, modality: str, count: int, wait_s: float = 0.001) -> Iterator[LiveImage]:
+def newest(
+    device, modality: str, count: int, wait_s: float = 0.001, seconds: float | None = None
+) -> Iterator[LiveImage]:
     """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
-    the device runs; a wider one where its time is after the image before."""
+    the device runs, or for so many seconds; a wider one where its time is after the image before."""
     recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
-    while device.running():
+    began = time.monotonic()
+    while device.running() and (seconds is None or time.monotonic() - began < seconds):
         if not (pending := device.pending(modality)):
             time.sleep(wait_s)
             continue

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
-from .limits import MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
+from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
 
 POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
@@ -58,22 +58,27 @@ def _tum_line(t_us: int, pose: list[str]) -> str:
 def read_trajectory(path, format: str | None = None) -> Trajectory:
     """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum, else CSV."""
     path = Path(path)
-    tum = format == "tum" if format else path.suffix in (".txt", ".tum")
+    format = format or ("tum" if path.suffix in (".txt", ".tum") else "csv")
+    return parse_trajectory(read_text(path, MAX_TRUTH_BYTES), path, format)
+
+
+def parse_trajectory(text: str, path, format: str) -> Trajectory:
+    """The trajectory of a file's text; `InputError` names ``path``."""
     try:
-        if tum:
-            lines = [line.split() for line in read_text(path, MAX_TRUTH_BYTES).splitlines()]
+        if format == "tum":
+            lines = [line.split() for line in text.splitlines()]
             rows = [line for line in lines if line and not line[0].startswith("#")]
             t_us = [round(float(row[0]) * 1e6) for row in rows]
             T = _poses([row[1:8] for row in rows]).inverse
         else:
-            rows = _read_csv(path, ("t_us", *POSE))
+            rows = _csv_rows(text, ("t_us", *POSE))
             t_us = [int(row["t_us"]) for row in rows]
             T = _poses([[row[name] for name in POSE] for row in rows])
         for time_us in t_us:
             check_times(time_us)
         return Trajectory(t_us, T)
-    except (OSError, ValueError, IndexError, OverflowError, csv.Error) as error:
-        form = "TUM lines" if tum else f"CSV with t_us,{','.join(POSE)}"
+    except (ValueError, IndexError, OverflowError, csv.Error) as error:
+        form = "TUM lines" if format == "tum" else f"CSV with t_us,{','.join(POSE)}"
         raise InputError(f"{path}: not a trajectory ({_first_line(error)}); expected {form}") from None
 
 
@@ -116,9 +121,14 @@ def as_read(e: Estimate) -> Estimate:
 
 def read_estimates(path) -> list[Estimate]:
     """Read what `write_estimates` wrote; raises `InputError`."""
+    return parse_estimates(read_text(path, MAX_ESTIMATES_BYTES), path)
+
+
+def parse_estimates(text: str, path) -> list[Estimate]:
+    """The estimates of a file's text; `InputError` names ``path``."""
     try:
-        return [_estimate(row) for row in _read_csv(path, ("t_us", "status", *POSE, *SCORES))]
-    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        return [_estimate(row) for row in _csv_rows(text, ("t_us", "status", *POSE, *SCORES))]
+    except (ValueError, KeyError, TypeError, OverflowError, csv.Error) as error:
         raise InputError(
             f"{path}: not a table of estimates ({_first_line(error)}); write it with lmmap estimate"
         ) from None
@@ -156,8 +166,7 @@ def stacked(poses: list[Pose]) -> Pose:
     return Pose(rotation, np.array([T.position_m for T in poses]).reshape(-1, 3))
 
 
-def _read_csv(path, columns) -> list[dict]:
-    text = read_text(path, MAX_TRUTH_BYTES)
+def _csv_rows(text: str, columns) -> list[dict]:
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     if missing := [c for c in columns if c not in (reader.fieldnames or ())]:
         raise ValueError(f"no column {', '.join(missing)}")

@@ -13,33 +13,13 @@ import numpy as np
 
 from ..pipeline.histograms import histogram, middle_us, windows_before
 from ..recordings.formats import open_recording, write_recording
-from ..recordings.pose_files import read_trajectory, write_trajectory
+from ..recordings.pose_files import read_truth, write_trajectory
 from ..settings import PAPER
 from ..types import Camera, InputError, Recording
 from . import odometry
 
 BLUR_PX, FULL_SCALE = 1.0, 4.0  # of event frames: Gaussian blur; blurred count that is white
 FRAME_HZ = 20.0
-
-
-def register(command) -> None:
-    """Add ``odometry export`` and ``odometry score``; ``command(name, run, text)`` adds a subcommand."""
-    text = "exchange recordings and trajectories with other odometries"
-    parser = command("odometry", lambda a: None, text)
-    actions = parser.add_subparsers(required=True, metavar="ACTION")
-    text = "write a ROS 1 bag, PNG images, event frames, the camera and the truth (TUM)"
-    sub = actions.add_parser("export", help=text, description=text)
-    sub.set_defaults(run=_export)
-    sub.add_argument("recording", type=Path)
-    sub.add_argument("folder", type=Path, metavar="DIR")
-    sub.add_argument("--camera", type=Path, help="calibration: our JSON, or YAML of OpenCV or ROS")
-    text = "relative errors of a TUM trajectory, scale aligned on its first 40 poses"
-    sub = actions.add_parser("score", help=text, description=text)
-    sub.set_defaults(run=_score)
-    sub.add_argument("trajectory", type=Path, help="TUM file: t x y z qx qy qz qw, seconds and metres")
-    sub.add_argument("--reference", type=Path, required=True, metavar="RECORDING",
-                     help="its truth lies beside it; or a trajectory (.csv, .tum, .txt)")  # fmt: skip
-    sub.add_argument("--json", action="store_true", help="print JSON")
 
 
 def event_frame(events, size_px) -> np.ndarray:
@@ -104,7 +84,10 @@ def _write_images(folder: Path, name: str, images) -> int:
     return len(lines) - 1
 
 
-def _export(a) -> None:
+def export_command(a) -> None:
+    """``lmmap odometry export``."""
+    if a.folder.is_dir() and any(a.folder.iterdir()) and not a.overwrite:
+        raise InputError(f"{a.folder}: holds files already; give a new folder, or --overwrite")
     recording = open_recording(a.recording, Camera.load(a.camera) if a.camera else None)
     counts = export(recording, a.folder)
     events = len(recording.events)
@@ -116,14 +99,15 @@ def reference_trajectory(path: Path):
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
     if path.suffix in (".csv", ".tum", ".txt"):
-        return read_trajectory(path)
+        return read_truth(path)
     truth = path.with_suffix(".truth.csv")
     if not truth.exists():
         raise InputError(f"{path}: no ground truth beside it; put it in {truth.name}")
-    return read_trajectory(truth)
+    return read_truth(truth)
 
 
-def _score(a) -> None:
+def score_command(a) -> None:
+    """``lmmap odometry score``."""
     if a.trajectory.suffix not in (".tum", ".txt", ".csv"):
         raise InputError(
             f"{a.trajectory}: cannot read '{a.trajectory.suffix}'; write TUM lines to a .tum file"

@@ -39,7 +39,7 @@ def refused(tmp_path, capsys):
     def run(recording, *extra, command="estimate", output=poses):
         argv = [command, str(recording), *map(str, extra)]
         if command == "estimate":
-            argv += ["--modality", "event", "-o", str(output)]
+            argv += ["--modality", "event", "-o", str(output), "--overwrite"]
         assert main.main(argv) == 1
         out, err = capsys.readouterr()
         assert out == "" and len(err.splitlines()) == 1, err
@@ -68,7 +68,8 @@ def test_missing(refused, tmp_path):
 
 
 def test_directory(refused, tmp_path):
-    assert "not a folder of images" in refused(tmp_path)
+    (tmp_path / "empty").mkdir()
+    assert "not a folder of images" in refused(tmp_path / "empty")
 
 
 @pytest.mark.parametrize("suffix", [*WRITERS, ".txt", ".mp4"])

@@ -1,22 +1,29 @@
 """The command line: what a user types, what it answers, and what bad input gets."""
 
+import argparse
 import csv
+import importlib
 import io
 import json
 import re
 import subprocess
+import sys
 import time
 from itertools import pairwise
 
 import cv2
 import pytest
+import shtab
 from test_bad_input import write_camera
 
-from lmmap.cli import main, progress
+from lmmap.bench import laboratory
+from lmmap.cli import arguments, choices, main, progress
 from lmmap.pipeline import run as pipeline
 from lmmap.pipeline.estimator import Estimator, fitting
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
 from lmmap.provenance import DATA, ROOT
-from lmmap.recordings.formats import open_recording
+from lmmap.recordings.formats import WRITERS, open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.settings import OURS
@@ -43,7 +50,7 @@ def test_simulate_info_estimate_evaluate(tmp_path, capsys):
     assert code == 0 and facts["frames"] == 8 and facts["truth"]
 
     for modality, images in (("rgb", facts["frames"]), ("event", facts["windows"])):
-        code, out, _ = run(capsys, "estimate", demo, "--modality", modality, "-o", poses)
+        code, out, _ = run(capsys, "estimate", demo, "--modality", modality, "-o", poses, "--overwrite")
         rows = list(csv.DictReader(poses.read_text().splitlines()))
         assert code == 0 and f"{images} images" in out
         assert len(rows) == images
@@ -123,6 +130,7 @@ def test_what_was_looked_at_twice_is_gone_on_with_too(tmp_path, capsys, monkeypa
     lines = whole.read_text().splitlines(keepends=True)
     for count in (wider[0] + 1, wider[0] + 2):  # the last line of a second look, or the one after it
         cut.write_text("".join(lines[: count + 1]))
+        (tmp_path / "cut.csv.made-of").write_bytes((tmp_path / "whole.csv.made-of").read_bytes())
         assert run(capsys, *argv, cut, "--resume")[0] == 0
         assert cut.read_text() == whole.read_text()
 
@@ -133,7 +141,7 @@ def test_resuming_with_other_images_is_refused(tmp_path, capsys):
     assert run(capsys, *argv, "--rate", "5")[0] == 0
     before = poses.read_bytes()
     code, _, err = run(capsys, *argv, "--resume")
-    assert code == 1 and "other images" in err and len(err.splitlines()) == 1
+    assert code == 1 and "was made with another rate" in err and len(err.splitlines()) == 1
     assert poses.read_bytes() == before
 
 
@@ -276,3 +284,47 @@ def test_real_recording_without_a_port(tmp_path, capsys):
         rows = list(csv.DictReader(poses.read_text().splitlines()))
         assert len(rows) == images
         assert all(row["status"] != "ok" for row in rows)
+
+
+def test_help_does_not_wait_for_the_heavy_imports():
+    code = (
+        "import sys; from lmmap.cli import main\n"
+        "try: main.main(['estimate', '--help'])\n"
+        "except SystemExit: print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT).stdout
+    assert "--modality" in out and "lmmap" in out.split()
+    assert not {"torch", "numba", "pandas", "scipy", "cv2", "numpy"} & set(out.split("JSON\n")[-1].split())
+
+
+def test_choices_are_those_of_the_modules_that_own_them():
+    assert tuple(FILTERS) == choices.FILTERS and tuple(CHANNELS) == choices.MODALITIES
+    assert tuple(DOMAIN_GAPS) == choices.DOMAIN_GAPS and OURS.weights == choices.DEFAULT_WEIGHTS
+    assert tuple(laboratory.SECONDS) == choices.PROFILES and tuple(WRITERS) == choices.WRITTEN
+    assert tuple(shtab.SUPPORTED_SHELLS) == choices.SHELLS
+
+
+def test_every_command_names_a_function_that_exists():
+    for command in arguments.parser()._subparsers._group_actions[0].choices.values():
+        runs = {command.get_default("run")} - {""}
+        for action in command._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                runs |= {p.get_default("run") for p in action.choices.values()}
+        assert runs
+        for run in runs:
+            module, function = run.split(":")
+            assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main.main(["--version"])
+    assert stop.value.code == 0 and capsys.readouterr().out.startswith("lmmap ")
+
+
+def test_the_name_of_the_output_decides_its_format(tmp_path, capsys):
+    argv = ("estimate", MINI, "--modality", "rgb", "--rate", "5", "-o")
+    assert run(capsys, *argv, tmp_path / "p.tum")[0] == 0
+    assert run(capsys, *argv, tmp_path / "q.csv", "--format", "tum")[0] == 0
+    assert (tmp_path / "p.tum").read_bytes() == (tmp_path / "q.csv").read_bytes()
+    assert len((tmp_path / "p.tum").read_text().split("\n")[0].split()) == 8

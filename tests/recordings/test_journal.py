@@ -62,7 +62,7 @@ def test_a_file_is_replaced_by_the_first_estimate_and_not_before(tmp_path):
 def test_what_cannot_be_gone_on_with(tmp_path):
     (tmp_path / "p.csv").write_text("time,pose\n1,2\n")
     with pytest.raises(InputError, match=r"p\.csv: has other columns"):
-        Journal(tmp_path / "p.csv", resume=True)
+        Journal(tmp_path / "p.csv", resume=True).__enter__()
     write_estimates(some_estimates(3, 1), tmp_path / "p.csv")
     with Journal(tmp_path / "p.csv", resume=True) as journal, pytest.raises(InputError, match="other images"):
         journal.has(1_600_000_000_000_000)

@@ -1,0 +1,133 @@
+"""``lmmap estimate``: poses of a recording, on disk as they come."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict
+from pathlib import Path
+
+from ..files import check_output
+from ..pages.overlay import Overlay
+from ..pipeline import run
+from ..pipeline.weights import FILTERS, weight_path
+from ..recordings.journal import Journal, recording_mark
+from ..recordings.pose_files import as_read
+from ..recordings.stream import Stream
+from ..studies import pose_errors
+from ..tracking.fusion import fuse
+from ..types import Estimate, InputError
+from .inputs import input_files, make_estimator, no_images, open_input
+from .progress import Bar, summary
+
+
+def estimate(a) -> None:
+    """Poses of a recording, of one camera's images or of both."""
+    if a.video and a.resume and a.video.exists():
+        raise InputError(f"{a.video}: a video cannot be resumed; leave --video out, or name another one")
+    if a.video and a.modality == "fused":
+        raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
+    a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
+    parts = [_part(a, modality) for modality in pose_errors.MODALITIES] if a.modality == "fused" else []
+    for path in (a.output, *parts):
+        check_output(path, input_files(a), overwrite=a.overwrite or a.resume)
+    if a.video:
+        check_output(a.video, [*input_files(a), a.output], overwrite=a.overwrite)
+    stream = open_input(a)
+    if parts:
+        _estimate_fused(a, stream)
+    else:
+        _estimate_single(a, stream)
+
+
+def _estimate_single(a, stream: Stream) -> None:
+    estimator, stopped = make_estimator(a, stream.camera, a.modality), False
+    video = Overlay(a.video, estimator.port, stream.camera) if a.video else nullcontext()
+    with Journal(a.output, a.format, a.resume, _made_of(a, a.modality, [estimator])) as journal, video:
+        resumed, poses = len(journal.statuses), 0
+        try:
+            with Bar(stream, a.modality) as bar:
+                shots = run.shots(stream, a.modality, estimator.settings, a.rate)
+                left = (shot for shot in shots if not journal.has(*shot.times_us))
+                for image, e in run.answered(left, estimator):
+                    journal.add(e)
+                    if a.video:
+                        video.add(image, e, estimator.ring_filter(image))
+                    poses += e.T_cam_port is not None
+                    bar.show(e.t_us, len(journal.statuses) - resumed, poses)
+        except KeyboardInterrupt:
+            stopped = True
+        if not journal.statuses and not stopped:
+            raise no_images(stream, a.modality, estimator.settings)
+    _report(a, journal, resumed, stopped)
+
+
+def _estimate_fused(a, stream: Stream) -> None:
+    """Both cameras' estimates, each on disk as it comes beside the output, and what is fused of them."""
+    estimators = {m: make_estimator(a, stream.camera, m) for m in pose_errors.MODALITIES}
+    period_rad, stopped = estimators["rgb"].port.yaw_period_rad, False
+    with ExitStack() as files:
+        made_of = _made_of(a, a.modality, list(estimators.values()))
+        journal = files.enter_context(Journal(a.output, a.format, a.resume, made_of))
+        parts = {m: files.enter_context(Journal(_part(a, m), "csv", a.resume, _made_of(a, m, [estimator])))
+                 for m, estimator in estimators.items()}  # fmt: skip
+        resumed, poses = len(journal.statuses), 0
+        both = {m: _estimate_part(stream, estimator, a.rate, parts[m]) for m, estimator in estimators.items()}
+        try:
+            with Bar(stream, a.modality) as bar:
+                for e in fuse(run.in_time(both), period_rad, a.rate):
+                    if journal.has(e.t_us):
+                        continue
+                    journal.add(e)
+                    poses += e.T_cam_port is not None
+                    bar.show(e.t_us, len(journal.statuses) - resumed, poses)
+        except KeyboardInterrupt:
+            stopped = True
+        if not journal.statuses and not stopped:
+            raise no_images(stream, "event", estimators["event"].settings)
+    _report(a, journal, resumed, stopped)
+
+
+def _part(a, modality: str) -> Path:
+    """Where one camera's estimates are written that are fused."""
+    return a.output.with_suffix(f".{modality}.csv")
+
+
+def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
+    """One camera's estimates, each on disk before the next; those on disk already are not made again."""
+    shots = run.shots(stream, estimator.modality, estimator.settings, rate_hz)
+    yield from journal.done.values()
+    left = (shot for shot in shots if not journal.has(*shot.times_us))
+    for _, e in run.answered(left, estimator):
+        journal.add(e)
+        yield as_read(e)
+
+
+def _made_of(a, modality: str, estimators: list) -> dict:
+    """What estimates depend on, for `Journal`: by it a file is known as this command's own."""
+    first = estimators[0]
+    weights = {}
+    for e in estimators:
+        paths = [weight_path(f, e.modality, "low" if a.weights else a.domain_gap) for f in FILTERS]
+        for path in [Path(a.weights) / p.name if a.weights else p for p in paths]:
+            weights[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return {
+        "recording": recording_mark(a.recording), "modality": modality, "rate": a.rate, "format": a.format,
+        "camera": asdict(first.camera), "port": asdict(first.port), "settings": asdict(first.settings),
+        "weights": weights,
+    }  # fmt: skip
+
+
+def _report(a, journal: Journal, resumed: int, stopped: bool) -> None:
+    """Print the summary of what was estimated; `KeyboardInterrupt` if it was stopped."""
+    if a.json:
+        counts = dict(sorted(Counter(journal.statuses).items()))
+        print(json.dumps({"output": str(a.output), "images": len(journal.statuses), "statuses": counts}))
+    else:
+        before = f" ({resumed} from before)" if resumed else ""
+        print(f"{a.output}: {summary(journal.statuses)}{before}")
+    if stopped:
+        raise KeyboardInterrupt(f"{a.output} keeps what was estimated, --resume goes on")

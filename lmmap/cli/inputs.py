@@ -1,0 +1,50 @@
+"""What the command line names: recordings, cameras, ports, rigs and estimators."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..files import beside
+from ..pipeline.estimator import Estimator, fitting
+from ..recordings.formats import open_stream
+from ..recordings.stream import Stream
+from ..rig import rig
+from ..types import Camera, InputError, Port
+
+
+def open_input(a, **options) -> Stream:
+    """The recording of the command line."""
+    return open_stream(a.recording, Camera.load(a.camera) if a.camera else None, **options)
+
+
+def input_files(a) -> list[Path]:
+    """Files that a command reads, which no output may replace."""
+    recording = getattr(a, "recording", None)
+    endings = (".camera.json", ".truth.csv", ".truth.tum")
+    sidecars = [recording.with_suffix(ending) for ending in endings] if recording and recording.name else []
+    named = [getattr(a, name, None) for name in ("camera", "port", "truth", "hand_eye")]
+    return [path for path in (recording, *sidecars, *named, *getattr(a, "bags", ())) if path]
+
+
+def make_estimator(a, camera: Camera, modality: str) -> Estimator:
+    """The estimator of one camera by the command line's arguments."""
+    if a.rate is not None and not 0 < a.rate < 1e4:
+        raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
+    if a.events is not None and not 1 <= a.events <= 10**8:
+        raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
+    known = None if a.port else find_rig(a.recording)
+    port = Port.load(a.port) if a.port else known.port if known else Port.lm_map()
+    return Estimator(camera, port, modality, a.weights or a.domain_gap, fitting(camera, a.events))
+
+
+def find_rig(recording) -> rig.Rig | None:
+    """What a folder of bags says of its camera, arm and port."""
+    path = beside(recording, rig.RIG_FILE) if recording and recording.suffix == ".bag" else None
+    return rig.Rig.load(path) if path else None
+
+
+def no_images(stream: Stream, modality: str, settings) -> InputError:
+    """The error of a recording without images of a modality."""
+    what = "no frames" if modality == "rgb" else f"fewer than {settings.events_per_window} events"
+    other = "--modality event" if modality == "rgb" else "--modality rgb, or fewer --events"
+    return InputError(f"{stream.source.path}: holds {what}; try {other}")
