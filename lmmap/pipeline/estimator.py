@@ -65,6 +65,8 @@ class Estimator:
         ValueError
             If the image's size is not the camera's.
         """
+        if not isinstance(image, np.ndarray):
+            raise ValueError(f"image: expected a numpy array, got {type(image).__name__}")
         if image.shape[:2] != self.camera.size_px[::-1]:
             shape = self.camera.size_px[::-1]
             raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")

@@ -13,6 +13,7 @@ A ring without markers goes on with a track, and begins none: it corrects all bu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 
@@ -24,6 +25,7 @@ from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status
 from .motion_model import POSE, Track, repetition
 
+LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
 FARTHEST = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
 
@@ -38,6 +40,8 @@ class Fusion:
     """
 
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
+        if not np.deg2rad(1) <= yaw_period_rad <= 2 * np.pi:
+            raise ValueError(f"yaw_period_rad: expected 1 to 360 degrees in rad, got {yaw_period_rad!r}")
         self.motion, self.track = motion, None
         self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
@@ -62,6 +66,9 @@ class Fusion:
         seen = {camera: e for camera, e in estimates.items() if (e.T_cam_port or e.ring) is not None}
         if missing := [camera for camera, e in seen.items() if e.covariance is None]:
             raise ValueError(f"estimates: expected covariances, got none from {', '.join(missing)}")
+        for camera, e in seen.items():
+            if np.shape(e.covariance) != (6, 6) or not np.all(np.isfinite(e.covariance)):
+                raise ValueError(f"estimates: expected a finite covariance (6, 6), got another from {camera}")
         track, whole = self._at(t_us), [camera for camera, e in seen.items() if e.T_cam_port is not None]
         if track is None and whole:
             first = min(whole, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
@@ -136,15 +143,27 @@ def fuse(
     """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
     from the first, each of what came until then.
 
-    A camera's estimates count at their own times: a histogram's is the middle of its events' span.
+    A camera's estimates count at their own times: a histogram's is the middle of its events' span.  Ticks of
+    a gap, `LONG_GAP_S` after the last estimate, are passed over.
+
+    Raises
+    ------
+    ValueError
+        For a period beyond 1 to 360 degrees, a rate that is not positive, and as `Fusion.add`.
     """
-    fusion, tick, first_us = Fusion(yaw_period_rad, motion), 0, None
-    for t_us, some in groupby(timed, key=lambda one: one[1].t_us):
-        first_us = t_us if first_us is None else first_us
+    if rate_hz is not None and not 0 < rate_hz < np.inf:
+        raise ValueError(f"rate_hz: expected a positive number or None, got {rate_hz!r}")
+    fusion, tick, first_us, last_us = Fusion(yaw_period_rad, motion), 0, None, None
+    for t_us, estimates in groupby(timed, key=lambda camera_estimate: camera_estimate[1].t_us):
+        first_us, last_us = (t_us, t_us) if first_us is None else (first_us, last_us)
         while rate_hz and (tick_us := first_us + round(tick * 1e6 / rate_hz)) < t_us:
+            if tick_us - last_us > 1e6 * LONG_GAP_S:
+                tick = max(tick + 1, math.ceil((t_us - first_us) * rate_hz / 1e6))
+                continue
             yield fusion.at(tick_us)
             tick += 1
-        fusion.add(dict(some))
+        last_us = t_us
+        fusion.add(dict(estimates))
         if not rate_hz:
             yield fusion.at(t_us)
     if rate_hz and first_us is not None and first_us + round(tick * 1e6 / rate_hz) == t_us:

@@ -60,7 +60,10 @@ class Trajectory:
     T_cam_port: Pose
 
     def __post_init__(self):
-        object.__setattr__(self, "t_us", frozen_array(self.t_us, np.int64))
+        try:
+            object.__setattr__(self, "t_us", frozen_array(self.t_us, np.int64))
+        except OverflowError:
+            raise ValueError("Trajectory: t_us: expected times that fit 64 bits of microseconds") from None
         if len(self.t_us) != len(self.T_cam_port):
             raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.T_cam_port)} poses")
         if np.any(np.diff(self.t_us) <= 0):
@@ -71,6 +74,8 @@ class Trajectory:
 
     def at(self, t_us) -> Pose:
         """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it."""
+        if len(self) < 2:
+            raise ValueError(f"Trajectory: expected at least two poses to interpolate, got {len(self)}")
         t = np.asarray(t_us)
         if t.size and (t.min() < self.t_us[0] or t.max() > self.t_us[-1]):
             raise ValueError(f"Trajectory: asked outside [{self.t_us[0]}, {self.t_us[-1]}] us")

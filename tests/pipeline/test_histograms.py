@@ -1,3 +1,5 @@
+from itertools import groupby
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -97,7 +99,8 @@ def test_windows_at_ticks_are_the_last_events_before_each(total, count, rate_hz,
     e = some_events(rng, total)
     first, last = int(e["t_us"][0]), int(e["t_us"][-1])
     ticks = [first + int(k * 1e6 / rate_hz) for k in range(1, int((last - first) * rate_hz / 1e6) + 2)]
-    expected = [s for s in windows_before(e, [t for t in ticks if t < last], count) if s is not None]
+    windows_at_ticks = windows_before(e, [t for t in ticks if t < last], count)
+    expected = [s for s, _ in groupby(s for s in windows_at_ticks if s is not None)]  # each window once
     for times in (1, 2, 3):
         streamed = list(windows_at(cut(e, rng), rate_hz, count, times))
         assert len(streamed) == len(expected)
@@ -121,3 +124,13 @@ def test_the_papers_count_is_kept_per_pixel():
     assert scaled_count((346, 260)) == PAPER.events_per_window
     assert scaled_count((2 * 346, 260)) == 2 * PAPER.events_per_window
     assert scaled_count((1, 1)) >= 1
+
+
+@pytest.mark.parametrize("gap_us", [3_600_000_000, 1_700_000_000_000_000, 2**60])
+def test_a_gap_is_passed_over_in_one_step_and_named(gap_us):
+    e = np.zeros(200, EVENT)
+    e["t_us"] = 10_000 * np.arange(200)
+    e["t_us"][100:] += gap_us
+    with pytest.warns(UserWarning, match="no events for"):
+        windows = list(windows_at([e], 100.0, 10))
+    assert 170 < len(windows) <= 190  # a window a tick on both sides, and none between

@@ -289,3 +289,27 @@ def test_a_pose_whose_yaw_is_a_guess_is_an_answer_and_rings_do_not_go_on_with_it
     assert filter_.at(100_000).status == Status.NO_MARKERS
     filter_.add({"event": seen(200_000)})
     assert filter_.at(200_000).status == Status.OK
+
+
+@pytest.mark.parametrize("period", [0.0, 1e-9, -1.0, 7.0, np.nan, np.inf])
+def test_periods_that_are_none(period):
+    with pytest.raises(ValueError, match="yaw_period_rad: expected"):
+        list(fuse([], period))
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
+def test_rates_that_are_none(rate_hz):
+    with pytest.raises(ValueError, match="rate_hz: expected"):
+        list(fuse([], PERIOD, rate_hz))
+
+
+def test_a_covariance_that_is_not_finite():
+    bad = Estimate(0, Status.OK, T0, covariance=np.full((6, 6), np.nan))
+    with pytest.raises(ValueError, match="finite covariance"):
+        list(fuse([("rgb", bad)], PERIOD))
+
+
+def test_a_gap_of_hours_ends_in_a_few_ticks():
+    estimates = [Estimate(t_us, Status.OK, T0, covariance=LOOSE) for t_us in (0, 10_000, 7_200_000_000)]
+    fused = list(fuse([("rgb", e) for e in estimates], PERIOD, 10.0))
+    assert 100 <= len(fused) <= 105 and fused[-1].t_us == 7_200_000_000
