@@ -93,11 +93,15 @@ def reproduce(a) -> None:
     if a.data:
         authors.reproduce(a)
         return
-    from ..pages import gallery  # matplotlib takes a second to import
+    if not paper:
+        accuracy_run.reproduce(a.profile, jobs=a.jobs)
+        return
+    from ..pages import (
+        gallery,  # only the paper profile draws pictures, and matplotlib takes a second to import
+    )
 
-    pictures = gallery.save_tiles if paper else None
-    changed = accuracy_run.reproduce(a.profile, jobs=a.jobs, pictures=pictures, go_on=a.go_on)
-    if paper and (changed or not (accuracy_run.COMMITTED / "worst.jpg").exists()):
+    changed = accuracy_run.reproduce(a.profile, jobs=a.jobs, pictures=gallery.save_tiles, go_on=a.go_on)
+    if changed or not (accuracy_run.COMMITTED / "worst.jpg").exists():
         labels, empty = accuracy_run.labels_of(a.profile), accuracy_run.empty_labels(a.profile)
         gallery.save_sheets(DERIVED_DATA / a.profile, accuracy_run.COMMITTED, labels, empty)
 

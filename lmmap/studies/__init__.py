@@ -1,1 +1,8 @@
-"""The experiments of the paper, each from recordings to tables."""
+"""The experiments of the paper, each from recordings to tables.
+
+`metrics` has the errors of a pose, `pose_errors` those of a recording and `error_statistics` those of many
+images, with intervals by `bootstrap`.  `accuracy_run` runs the accuracy study, `accuracy_tables` tabulates
+it, `archive` packs its results, and `claims` judges what the paper says.  `sensitivity` and `odometry` are
+the two other studies; `odometry_files` exchanges files with other odometries.  `on_authors_bags` runs the
+studies on recorded bags.
+"""

@@ -1,4 +1,4 @@
-"""The accuracy study itself: the bench's test, hard and empty sequences recorded, estimated and tabulated."""
+"""The accuracy study: the bench's sequences are simulated and estimated, and their errors tabulated."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ RESULT_SOURCES = (
              "training.mask_quality", "studies.pose_errors"),
     "data/weights/*", "environment.txt",
 )  # fmt: skip
-TRAJECTORIES = {"quick": 1, "paper": 3}  # of the test, each under every light
-EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which share the profile's seconds
+TRAJECTORIES = {"quick": 1, "paper": 3}  # test trajectories, each under every light
+EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which divide the profile's seconds among them
 COMMITTED = DATA / "results" / "accuracy"  # the paper profile's tables
 
 
@@ -54,25 +54,25 @@ def _print(line: str) -> None:
 def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: bool = False) -> bool:
     """Simulate and estimate every sequence of a profile, and tabulate errors, intervals and claims.
 
-    Each recording, each modality's estimates and each sequence's results are kept as soon as they are done,
-    under a fingerprint of what made them, so that an interrupted run goes on and a second run has nothing to
-    do.  The paper profile's tables are copied to `COMMITTED`, and each sequence's results packed there.
+    Recordings, estimates and results of a sequence are kept as soon as they are done, with a fingerprint of
+    what made them.  So an interrupted run goes on, and a second run has nothing to do.  The paper profile's
+    tables are also written to `COMMITTED`, and each sequence's results are packed there.
 
     Parameters
     ----------
     jobs
-        Sequences at once.  One of 210 s asks for up to 12 GB of memory.
+        Number of sequences at once.  A sequence of 210 s needs up to 12 GB of memory.
     pictures
-        Of a sequence, `gallery.save_tiles`; default: none.
+        Function that draws a sequence's pictures, as `gallery.save_tiles`; by default none are drawn.
     go_on
-        Begin with the results packed in `COMMITTED` that are made of the same things.
+        Begin with those packed results in `COMMITTED` that have the same fingerprint.
 
     Returns
     -------
     bool
-        Whether anything was to be done.
+        Whether there was anything to do.
     """
-    folder, whole = DERIVED_DATA / profile, fingerprint(profile)
+    folder, tables_mark = DERIVED_DATA / profile, fingerprint(profile)
     folder.mkdir(parents=True, exist_ok=True)
     waiting = {}
     for name in sequences_of(profile):
@@ -87,10 +87,10 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
     tasks = (joblib.delayed(_sequence)(n, profile, folder, m, report, pictures) for n, m in waiting.items())
     for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
         pass
-    if not waiting and has_mark(folder / "tables.done", whole):
+    if not waiting and has_mark(folder / "tables.done", tables_mark):
         return False
     _tabulate(profile, folder)
-    write_text(folder / "tables.done", whole)
+    write_text(folder / "tables.done", tables_mark)
     return True
 
 
@@ -103,12 +103,12 @@ def _tests(profile: str, light: str) -> list[str]:
 
 
 def labels_of(profile: str) -> dict[str, tuple[str, str]]:
-    """``(sequence, modality)`` by label, of the test with low-domain-gap weights."""
+    """``(sequence, modality)`` by label, of the test sequences with the low domain gap's filters."""
     return _labels([name for light in LIGHTS for name in _tests(profile, light)])
 
 
 def empty_labels(profile: str) -> dict[str, tuple[str, str]]:
-    """The same of the sequences without a port."""
+    """As `labels_of`, for the sequences without a port."""
     return _labels([name for name in sequences_of(profile) if name.startswith("empty")])
 
 
@@ -122,29 +122,29 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
     recording = bench_recording(name, seconds, folder, report)
     facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
-    counted, files = [], []
+    counts, files = [], []
     for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
-        found = {m: _estimates(recording, m, gap, rate_hz, folder, report) for m in MODALITIES}
-        found["fused"] = list(fuse(in_time(found), port.yaw_period_rad, rate_hz))
-        write_estimates(found["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
-        for modality, some in found.items():
+        tracks = {m: _estimates(recording, m, gap, rate_hz, folder, report) for m in MODALITIES}
+        tracks["fused"] = list(fuse(in_time(tracks), port.yaw_period_rad, rate_hz))
+        write_estimates(tracks["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
+        for modality, estimates in tracks.items():
             medians = {}
             if recording.truth is not None:
-                table = pose_errors.errors(recording, some, port)
+                table = pose_errors.errors(recording, estimates, port)
                 path = folder / f"errors-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, table, **facts))
                 medians = table[list(pose_errors.METRICS)].median()
             if gap == "low":
-                counted.append({
-                    "sequence": name, "modality": modality, "images": len(some),
-                    "ellipses": sum(e.ellipse is not None for e in some),
-                    "poses": sum(e.T_cam_port is not None for e in some), **medians,
+                counts.append({
+                    "sequence": name, "modality": modality, "images": len(estimates),
+                    "ellipses": sum(e.ellipse is not None for e in estimates),
+                    "poses": sum(e.T_cam_port is not None for e in estimates), **medians,
                 })  # fmt: skip
-    files.append(save_table(folder / f"counts-{name}.csv", pd.DataFrame(counted), **facts))
+    files.append(save_table(folder / f"counts-{name}.csv", pd.DataFrame(counts), **facts))
     if kind == "test":
         fits = filter_quality(recording, shipped_gaps())
         files.append(save_table(folder / f"filters-{name}.csv", fits, **facts))
-    else:  # few, and the hard cases' page draws them
+    else:  # the page on hard cases draws these few
         files += [folder / f"estimates-{label(name, m, 'low')}.csv" for m in TRACKS]
     if recording.truth is not None:
         shares_percent = pose_errors.saturation(recording, port)
@@ -159,13 +159,13 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
 
 
 def bench_recording(name: str, seconds: float, folder: Path, report) -> Recording:
-    """The sequence's recording, simulated unless the one kept is of the same bench and length."""
-    path, made_of = folder / f"{name}.h5", folder / f"{name}.simulated"
+    """A sequence's recording in a folder, simulated unless the one there has the same bench and length."""
+    path, mark_path = folder / f"{name}.h5", folder / f"{name}.simulated"
     mark = fingerprint(name, str(seconds), patterns=BENCH)
-    if not (path.exists() and has_mark(made_of, mark)):
+    if not (path.exists() and has_mark(mark_path, mark)):
         report(f"{name}: simulating {seconds:.0f} s")
         simulate.record(name, seconds, path)
-        write_text(made_of, mark)
+        write_text(mark_path, mark)
     return open_recording(path)
 
 
@@ -187,21 +187,21 @@ def estimates_fingerprint(modality: str, gap: str, *facts: str, sources: Sequenc
 
 def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path,
                report) -> list[Estimate]:  # fmt: skip
-    """Those kept, if the estimator and its two filters are still the ones that made them."""
+    """Estimates of a recording, made unless those in the folder are of the same estimator and filters."""
     name = label(recording.name, modality, gap)
     mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz))
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and has_mark(done, mark)):
         estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
-        write_estimates(found := list(estimate(recording, estimator, rate_hz)), path)
-        poses = sum(e.T_cam_port is not None for e in found)
-        report(f"{name}: {poses} poses in {len(found)} images")
+        write_estimates(estimates := list(estimate(recording, estimator, rate_hz)), path)
+        poses = sum(e.T_cam_port is not None for e in estimates)
+        report(f"{name}: {poses} poses in {len(estimates)} images")
         write_text(done, mark)
     return read_estimates(path)
 
 
 def _tabulate(profile: str, folder: Path) -> None:
-    """Tables of the whole profile, in its folder and of the paper's also in `COMMITTED`, then the claims."""
+    """Write a profile's tables and claims into its folder, the paper profile's also into `COMMITTED`."""
     tests = {light: _tests(profile, light) for light in LIGHTS}
     tables = accuracy_tables.tables(folder, tests, sequences_of(profile))
     facts = {"profile": profile, "seed": SEED, "draws": DRAWS, "block_s": BLOCK_S}

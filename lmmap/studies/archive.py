@@ -1,4 +1,4 @@
-"""One sequence's results in one file, so that a study of hours goes on from a checkout on any machine."""
+"""A sequence's results packed into one file, so that a study of hours can go on from a checkout elsewhere."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ MARK = "made-of"  # the entry with the fingerprint of what made the others
 
 
 def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
-    """Write ``files`` of ``folder`` and the fingerprint of what made them, whole or not at all; the same
-    bytes for the same contents."""
+    """Write ``files`` of ``folder`` and the fingerprint ``mark`` of what made them, whole or not at all.
+
+    The archive has the same bytes for the same contents.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         entries = {str(f.relative_to(folder)): f.read_bytes() for f in sorted(files)} | {MARK: mark.encode()}
@@ -24,7 +26,12 @@ def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
 
 
 def unpack(path: Path, folder: Path, mark: str) -> bool:
-    """Put the files back into ``folder`` if there are any and ``mark`` is their fingerprint; whether it was.
+    """Put packed files back into ``folder`` if their fingerprint is ``mark``.
+
+    Returns
+    -------
+    bool
+        Whether the archive is there and has this fingerprint.
 
     Raises
     ------

@@ -1,7 +1,8 @@
 """Confidence intervals of statistics of a time series, by the bootstrap with blocks of time.
 
-Neighbouring images see nearly the same view and err alike, so single images drawn anew would promise too
-much.  Whole stretches are drawn instead (Politis & Romano 1992, circular blocks), within each sequence.
+Neighbouring images show nearly the same view and have similar errors, so drawing single images would give
+too narrow intervals.  Instead, whole stretches of each sequence are drawn (circular blocks, Politis & Romano
+1992).
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ LEVEL = 0.95
 
 
 def block_counts(lengths: Sequence[int], block: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each image is drawn, (draws, sum(lengths)), for sequences of so many images.
+    """How often each image is drawn, (draws, sum(lengths)), for sequences of ``lengths`` images.
 
     Parameters
     ----------
-    block : images in a block; at most a third of a sequence is taken, so that a short one varies at all
+    block : images in a block, but at most a third of a sequence, so that a short sequence varies at all
     """
     if block < 1 or min(lengths, default=1) < 1:
         raise ValueError(f"block, lengths: expected at least 1, got {block}, {list(lengths)}")
@@ -34,7 +35,7 @@ def block_counts(lengths: Sequence[int], block: int, draws: int, rng: np.random.
 
 
 def medians(values, counts) -> np.ndarray:
-    """Medians (draws,) of values (N,) that count (draws, N) times; NaN values do not count."""
+    """Medians (draws,) of ``values`` (N,), each taken ``counts`` (draws, N) times, without NaN values."""
     values = np.asarray(values, float)
     order = np.argsort(values)[: np.isfinite(values).sum()]
     if not len(order):
@@ -46,24 +47,24 @@ def medians(values, counts) -> np.ndarray:
 
 
 def root_mean_squares(values, counts) -> np.ndarray:
-    """Root mean squares (draws,), otherwise as `medians`."""
+    """Root mean squares (draws,) of ``values`` (N,), with the arguments of `medians`."""
     values = np.asarray(values, float)
     known = np.isfinite(values)
     with np.errstate(invalid="ignore"):
         return np.sqrt(counts[:, known] @ values[known] ** 2 / counts[:, known].sum(1))
 
 
-def shares(found, among, counts) -> np.ndarray:
-    """Shares (draws,) of ``found`` (N,) among ``among`` (N,), both bool."""
-    found, among = np.asarray(found, bool), np.asarray(among, bool)
+def shares(members, images, counts) -> np.ndarray:
+    """Shares (draws,) of ``members`` (N,) among ``images`` (N,), both bool; NaN of no image."""
+    members, images = np.asarray(members, bool), np.asarray(images, bool)
     with np.errstate(invalid="ignore"):
-        return counts @ (found & among).astype(float) / (counts @ among.astype(float))
+        return counts @ (members & images).astype(float) / (counts @ images.astype(float))
 
 
 def interval(statistics, level: float = LEVEL) -> tuple[float, float]:
-    """Percentile interval of a statistic's draws (draws,); NaN of none."""
+    """Percentile interval (lower, upper) of a statistic's draws (draws,); NaN if none is finite."""
     known = np.asarray(statistics)[np.isfinite(statistics)]
     if not len(known):
         return np.nan, np.nan
-    low, high = np.quantile(known, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
+    lower, upper = np.quantile(known, [(1 - level) / 2, (1 + level) / 2])
+    return float(lower), float(upper)
