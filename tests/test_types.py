@@ -1,12 +1,15 @@
 import json
+import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from strategies import rigid_poses
 
-from lmmap.types import Camera, Ellipse, InputError, Port, Pose, Trajectory
+from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Status, Trajectory
 
 
 @given(rigid_poses())
@@ -131,3 +134,19 @@ def test_markers_repeat_with_the_symmetry_and_have_their_size():
     np.testing.assert_allclose(sides, [[0.0164, 0.0509, 0.0164]] * 3)
     np.testing.assert_allclose(corners.mean(1)[0], [port.marker_radius_m, 0, port.plate_height_m], atol=1e-15)
     np.testing.assert_allclose(corners.mean((0, 1)), [0, 0, port.plate_height_m], atol=1e-15)
+
+
+def test_an_estimate_shows_itself_in_a_notebook():
+    """A port 0.5 m ahead whose normal leans 30 deg from the optical axis; where there is no pose, why."""
+    turn = Rotation.from_euler("x", np.pi - np.deg2rad(30)).as_matrix()
+    T, covariance = Pose(turn, [0.02, -0.01, 0.5]), 4e-6 * np.eye(6)
+    html = Estimate(1_500_000, Status.OK, T, covariance=covariance)._repr_html_()
+    for text in ("1.500000 s", "x 20.0, y -10.0, z 500.0 mm", "30.0°", "x 2.0, y 2.0, z 2.0 mm"):
+        assert text in html
+    assert "no_ring" in Estimate(0, Status.NO_RING)._repr_html_()
+    assert "standard deviation" not in Estimate(0, Status.OK, Pose(turn, [0, 0, 1]))._repr_html_()
+
+
+def test_help_names_every_field_of_an_estimate():
+    for field in fields(Estimate):
+        assert re.search(rf"^ *(\w+, )?{field.name}(, \w+)? : ", Estimate.__doc__, re.M), field.name

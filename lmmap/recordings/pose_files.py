@@ -15,20 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
+from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
-
-POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
-ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
-SCORES = ("arc_coverage", "marker_score", "rival_score")
-CERTAINTY = ("margin", "tilt_sigmas")
-AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance, see `uncertainty`: m and rad, camera's axes
-UPPER = np.triu_indices(6)
-COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
-PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_", "ring": "ring_", "twin": "twin_"}
-COLUMNS = ["t_us", "status", *POSE, *SCORES, *ELLIPSE]
-COLUMNS += [prefix + name for prefix in ("rival_", "paper_") for name in POSE]
-COLUMNS += [*CERTAINTY, *COVARIANCE]
-COLUMNS += [prefix + name for prefix in ("ring_", "twin_") for name in POSE]
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:

@@ -22,21 +22,63 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Estimate:
-    """The answer for one frame or histogram; ``T_cam_port`` is None unless ``status`` is OK."""
+    """The answer for one frame or histogram.
+
+    Attributes
+    ----------
+    t_us : int
+        Time of the frame, or the middle of the histogram's events, in microseconds.
+    status : Status
+        ``ok``, or why there is no pose.
+    T_cam_port : Pose or None
+        The port in the camera's frame; None unless the status is ``ok``.
+    rival : Pose or None
+        The best pose with the circle's other normal.
+    paper : Pose or None
+        The paper's formula on the same ellipse and markers.
+    ellipse : Ellipse or None
+        The ring's contour, free of lens distortion.
+    arc_coverage : float
+        Share of the ellipse's contour that has a point of the ring, in [0, 1].
+    marker_score, rival_score : float
+        Mean marker mask inside the markers as projected by the pose, and by its rival, in [0, 1].
+    margin : float
+        How much better the pose explains the markers than its rival, in [0, 1].
+    tilt_sigmas : float
+        Distance of the ring from head-on, in its own standard deviations.
+    covariance : numpy.ndarray or None
+        (6, 6) of x, y, z (m) and of the rotation (rad) about the camera's axes, of ``T_cam_port``; where
+        there is no pose, of ``ring``.
+    ring, twin : Pose or None
+        Without markers: the circle's two poses, their yaw unknown.
+    """
 
     t_us: int
     status: Status
     T_cam_port: Pose | None = None
-    rival: Pose | None = None  # best pose with the other normal
-    paper: Pose | None = None  # the paper's formula on the same ellipse and markers
+    rival: Pose | None = None
+    paper: Pose | None = None
     ellipse: Ellipse | None = None
-    arc_coverage: float = 0.0  # of the ellipse's contour that has a ring point, in [0, 1]
-    marker_score: float = 0.0  # mean marker mask inside the projected markers, in [0, 1]
-    rival_score: float = 0.0  # the same for ``rival``
-    margin: float = 0.0  # how much better the normal explains the markers than the rival's, in [0, 1]
-    tilt_sigmas: float = 0.0  # distance of the ring from head-on, in its own standard deviations
-    covariance: np.ndarray | None = (
-        None  # (6, 6) of x, y, z (m), rotation (rad), camera's axes: `uncertainty`; or of ``ring``
-    )
-    ring: Pose | None = None  # without markers: the circle's pose, its yaw unknown
-    twin: Pose | None = None  # and its other pose
+    arc_coverage: float = 0.0
+    marker_score: float = 0.0
+    rival_score: float = 0.0
+    margin: float = 0.0
+    tilt_sigmas: float = 0.0
+    covariance: np.ndarray | None = None
+    ring: Pose | None = None
+    twin: Pose | None = None
+
+    def _repr_html_(self) -> str:
+        """A small table, as notebooks show it."""
+        rows = {"time": f"{self.t_us * 1e-6:.6f} s", "status": str(self.status)}
+        if self.T_cam_port is not None:
+            x, y, z = 1e3 * self.T_cam_port.position_m
+            tilt_deg = np.degrees(np.arccos(np.clip(-self.T_cam_port.normal[2], -1, 1)))
+            rows["port, in the camera's frame"] = f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+            rows["tilt of its normal from the optical axis"] = f"{tilt_deg:.1f}°"
+            rows["marker score"] = f"{self.marker_score:.2f}"
+            if self.covariance is not None and np.all(np.isfinite(self.covariance)):
+                x, y, z = 1e3 * np.sqrt(np.diag(self.covariance)[:3])
+                rows["standard deviation"] = f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+        lines = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows.items())
+        return f"<table>{lines}</table>"

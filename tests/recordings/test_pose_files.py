@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from lmmap.recordings.columns import COLUMNS, TABLE, table_rows
 from lmmap.recordings.pose_files import (
     read_estimates,
     read_trajectory,
@@ -133,3 +134,22 @@ def test_bad_tables_and_absent_files(tmp_path):
             read(tmp_path / name)
     with pytest.raises(ValueError, match="format"):
         write_trajectory(trajectory_of([]), tmp_path / "t", "bag")
+
+
+def test_every_column_has_its_unit_and_meaning():
+    """Quaternions and scores have the unit 1; a time and a status have no frame but the clock."""
+    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 2 + 21
+    for names, unit, frame, meaning in TABLE:
+        assert meaning and (unit or names == ("status",))
+        suffixes = {"m": "_m", "us": "_us", "px": "_px", "rad": "_rad"}
+        if unit in suffixes:
+            assert all(name.endswith(suffixes[unit]) for name in names)
+        if set(names) & {"x_m", "qx", "ring_x_m", "cov_x_x"}:
+            assert frame == "camera"
+
+
+def test_a_table_for_people_names_every_group():
+    rows = table_rows()
+    assert len(rows) == len(TABLE)
+    assert rows[0][:3] == ("t_us", "us", "the recording's clock")
+    assert "cov_x_x … cov_rz_rz" in [row[0] for row in rows]

@@ -1,0 +1,71 @@
+"""Columns of a table of estimates: the names, units and frames that every program which reads it needs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
+ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
+SCORES = ("arc_coverage", "marker_score", "rival_score")
+CERTAINTY = ("margin", "tilt_sigmas")
+AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance: m and rad, camera's axes
+UPPER = np.triu_indices(6)
+COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
+UNDISTORTED = "image, free of lens distortion"
+PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_", "ring": "ring_", "twin": "twin_"}
+
+
+class Columns(NamedTuple):
+    """Columns that belong together, in the order of the file."""
+
+    names: tuple[str, ...]
+    unit: str
+    frame: str
+    meaning: str
+
+
+def _pose(prefix: str, meaning: str) -> tuple[Columns, Columns]:
+    names = tuple(prefix + name for name in POSE)
+    return (
+        Columns(names[:3], "m", "camera", f"position of the port's origin, {meaning}"),
+        Columns(names[3:], "1", "camera", f"unit quaternion of the rotation from port to camera, {meaning}"),
+    )
+
+
+TABLE = (
+    Columns(("t_us",), "us", "the recording's clock", "time of the frame, or middle of the events' span"),
+    Columns(("status",), "", "", "ok, or why there is no pose: no_ring, no_ellipse, no_markers"),
+    *_pose("", "where the status is ok"),
+    Columns(SCORES[:1], "1", "image", "share of the ellipse's contour that has a point of the ring, 0 to 1"),
+    Columns(SCORES[1:2], "1", "image", "mean marker mask inside the projected markers, 0 to 1"),
+    Columns(SCORES[2:], "1", "image", "the same for the rival"),
+    Columns(ELLIPSE[:2], "px", UNDISTORTED, "centre of the ring's ellipse; whole numbers are pixel centres"),
+    Columns(ELLIPSE[2:4], "px", UNDISTORTED, "its semi-axes"),
+    Columns(ELLIPSE[4:], "rad", UNDISTORTED, "from +u to its major axis, modulo pi"),
+    *_pose("rival_", "by the circle's other normal"),
+    *_pose("paper_", "by the paper's formula on the same ellipse"),
+    Columns(
+        CERTAINTY[:1], "1", "image", "how much better the pose explains the markers than its rival, 0 to 1"
+    ),
+    Columns(CERTAINTY[1:], "standard deviations", "", "distance of the ring from head-on"),
+    Columns(
+        COVARIANCE,
+        "m², m rad, rad²",
+        "camera",
+        "upper triangle of the covariance of x, y, z and of the rotation rx, ry, rz about the camera's axes; "
+        "of the ring's pose where there is no other",
+    ),
+    *_pose("ring_", "of the ring without markers; its yaw is unknown"),
+    *_pose("twin_", "of the ring without markers, by its other normal"),
+)
+COLUMNS = [name for columns in TABLE for name in columns.names]
+
+
+def table_rows() -> list[tuple[str, str, str, str]]:
+    """Rows ``(columns, unit, frame, meaning)`` for a page; of many columns the first and the last."""
+    return [
+        (", ".join(names) if len(names) < 6 else f"{names[0]} … {names[-1]}", unit, frame, meaning)
+        for names, unit, frame, meaning in TABLE
+    ]
