@@ -1,4 +1,4 @@
-"""What the studies on recordings gave, beside the paper and the bench, each part marked."""
+"""Results on the authors' bags beside the paper's and the bench's; each title names its source."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odome
 
 
 def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
-    """Table I's cells: ``table1``, the ``bench``'s where it was run, and ``recordings: NAME``."""
+    """Cells of Table I: the paper's ``table1``, ``bench`` (NaN if it was not run), ``recordings: NAME``.
+
+    Parameters
+    ----------
+    out, bench : folders with the results on recordings and on the bench
+    """
     table = (
         pose_errors.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
     )
@@ -29,23 +34,23 @@ def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
 
 
 def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
-    """All results of a folder in three digits, by titles that hold its mark; the paper's table comes last."""
-    mark, found = f"recordings: {out.name}", {}
+    """All results of a folder in three digits, by titles with its name; the paper's table comes last."""
+    mark, results = f"recordings: {out.name}", {}
     for name, title in STUDIES.items():
         if (out / f"{name}.csv").exists():
-            found[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
+            results[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
     if (out / "summary.csv").exists():
         whole = pd.read_csv(out / "summary.csv").query("statistic != 'rmse'")
         other = whole[~whole.light.isin(pose_errors.LIGHTS)]
         if len(other):
-            found[f"lights that are not the paper's ({mark})"] = _short(other)
+            results[f"lights that are not the paper's ({mark})"] = _short(other)
         cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")
-        for training, some in cells.groupby("training"):
+        for training, quarter in cells.groupby("training"):
             text = accuracy_table(
-                some, ("median", "in_fov", "all"), {"table1": "paper", "bench": "bench", mark: mark}
+                quarter, ("median", "in_fov", "all"), {"table1": "paper", "bench": "bench", mark: mark}
             )
-            found[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
-    return found
+            results[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
+    return results
 
 
 def _short(table: pd.DataFrame) -> pd.DataFrame:
@@ -53,12 +58,12 @@ def _short(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def results_text(out: Path, bench: Path) -> str:
-    """All results of a folder as text, each part marked."""
+    """All results of a folder as text, each table under its title."""
     about = load_json(out / "about.json")
     parts = ["left out\n" + "\n".join(about["left_out"])] if about["left_out"] else []
     if about["rig"] and about["rig"].get("file_in_doubt"):
         parts.append(f"the hand-eye file and the detections do not agree: {json.dumps(about['rig'])}")
     for title, table in tables(out, bench).items():
-        named = isinstance(table.index, pd.MultiIndex)
-        parts.append(f"{title}\n{table.to_string(index=named)}")
+        has_names = isinstance(table.index, pd.MultiIndex)
+        parts.append(f"{title}\n{table.to_string(index=has_names)}")
     return "\n\n".join(parts)

@@ -1,4 +1,4 @@
-"""Pictures of single answers, found by what was wrong with them."""
+"""Pictures of single images with their estimates: the worst errors, missed ports, false poses."""
 
 from __future__ import annotations
 
@@ -31,18 +31,21 @@ def worst(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> 
     Returns
     -------
     DataFrame
-        ``sequence, modality, label, t_us`` and the columns of `accuracy.errors`, worst first.
+        ``sequence, modality, label, t_us`` and the columns of `pose_errors.errors`, worst first.
     """
     return _in_view(folder, labels).dropna(subset="position_error_m").nlargest(count, "position_error_m")
 
 
 def missed(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> pd.DataFrame:
-    """Images with the ring in view and no pose, drawn at random, so that what is drawn of all sequences is
-    drawn of its own too; otherwise as `worst`."""
-    every = _in_view(folder, labels)
-    every = every[every.position_error_m.isna()]
-    lots = pd.util.hash_pandas_object(every[["label", "t_us"]], index=False)
-    return every.loc[lots.nsmallest(count).index].sort_index()
+    """Images with the ring in view and no pose, drawn by lot; arguments and result as in `worst`.
+
+    The lot of an image is a hash of its label and time.  So an image that is drawn among all sequences is
+    also drawn among those of its own sequence.
+    """
+    rows = _in_view(folder, labels)
+    rows = rows[rows.position_error_m.isna()]
+    lots = pd.util.hash_pandas_object(rows[["label", "t_us"]], index=False)
+    return rows.loc[lots.nsmallest(count).index].sort_index()
 
 
 def false_poses(folder: Path, labels: dict[str, tuple[str, str]]) -> pd.DataFrame:
@@ -58,14 +61,14 @@ def false_poses(folder: Path, labels: dict[str, tuple[str, str]]) -> pd.DataFram
 
 def save_tiles(recording: Recording, folder: Path, labels: dict[str, tuple[str, str]],
          rate_hz: float) -> list[Path]:  # fmt: skip
-    """Small pictures of what one sequence may give to `save_sheets`, as files of ``folder``.
+    """Draw the images of one sequence that `save_sheets` may show, as small files in ``folder``.
 
     Parameters
     ----------
     labels
-        As `worst`, of the sequence; where it shows no port, its false poses are drawn.
+        As in `worst`, of this sequence.  Of a sequence without a port the false poses are drawn.
     rate_hz
-        Of the estimates.
+        The estimates' rate.
     """
     kinds = (worst, missed) if recording.truth is not None else (false_poses,)
     rows = pd.concat([kind(folder, labels) for kind in kinds])
@@ -82,8 +85,15 @@ def save_tiles(recording: Recording, folder: Path, labels: dict[str, tuple[str, 
 
 
 def save_sheets(folder: Path, target: Path, labels: dict[str, tuple[str, str]], empty: dict) -> None:
-    """Pictures of the worst, of missed and of false answers as JPEG into ``target``, from what `save_tiles`
-    has drawn of each sequence; false ones are those with the labels ``empty``."""
+    """Write sheets of the worst, the missed and the false answers as JPEG into ``target``.
+
+    The sheets are put together from the files that `save_tiles` has drawn of each sequence.
+
+    Parameters
+    ----------
+    labels : of the test's sequences, as in `worst`
+    empty : of the sequences without a port
+    """
     for name, rows in (
         ("worst", worst(folder, labels)),
         ("missed", missed(folder, labels)),
@@ -111,8 +121,14 @@ def _in_view(folder: Path, labels) -> pd.DataFrame:
 
 
 def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMNS):
-    """The images of ``rows`` (``sequence, modality, label, t_us``) with estimate and truth, and under each
-    what it is; estimates were made at ``rate_hz``."""
+    """Figure of the images of ``rows`` with estimate and truth, each with a title that says what it is.
+
+    Parameters
+    ----------
+    rows : ``sequence, modality, label, t_us``
+    folder : has the recordings and their estimates
+    rate_hz : the estimates' rate
+    """
     height = -(-len(rows) // columns)
     size = (TILE_IN * columns, TILE_IN * height)
     fig, axes = plt.subplots(height, columns, figsize=size, squeeze=False)
@@ -125,11 +141,14 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMN
 
 
 def _paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict) -> Iterator[tuple]:
-    """``((label, t_us), function that draws it on axes)``; recordings not given are in ``folder``."""
-    for (name, modality, label), some in rows.groupby(["sequence", "modality", "label"]):
+    """Yield ``(label, t_us)`` and a function that draws this image on axes.
+
+    Recordings that ``recordings`` does not hold are read from ``folder``.
+    """
+    for (name, modality, label), images in rows.groupby(["sequence", "modality", "label"]):
         recording = recordings.get(name) or open_recording(folder / f"{name}.h5")
         answers = {e.t_us: e for e in read_estimates(folder / f"estimates-{label}.csv")}
-        wanted = set(some.t_us)
+        wanted = set(images.t_us)
         every = shots(recording, modality, rate_hz=rate_hz)
         looks = (look for shot in every for look in ((shot.t_us, shot.image), shot.wider) if look)
         where = f"{name.removeprefix('test-').replace('-', ' ')}, {CAMERAS[modality]}"
@@ -143,8 +162,8 @@ def _paint(image, answer: Estimate, recording: Recording, where: str, ax) -> Non
     drawings.draw_estimate(ax, image, answer, Port.lm_map(), recording.camera, truth)
     if answer.T_cam_port is None and answer.ellipse is not None:
         drawings.draw_ellipse(ax, answer.ellipse)
-    said = ANSWERS[str(answer.status)]
+    result = ANSWERS[str(answer.status)]
     if answer.T_cam_port is not None and truth is not None:
-        said = f"{1e3 * position_error_m(answer.T_cam_port, truth):.1f} mm"
+        result = f"{1e3 * position_error_m(answer.T_cam_port, truth):.1f} mm"
     ax.set_axis_off()
-    ax.set_title(f"{where}\n{answer.t_us * 1e-6:.1f} s: {said}", fontsize=8)
+    ax.set_title(f"{where}\n{answer.t_us * 1e-6:.1f} s: {result}", fontsize=8)

@@ -14,7 +14,8 @@ import pytest
 from lmmap import provenance
 from lmmap.cli import main
 from lmmap.pages import reference
-from lmmap.pages.reference import compare, inventory, moved
+from lmmap.pages.inventory import inventory, table_numbers
+from lmmap.pages.reference import compare, deviation
 
 
 @pytest.fixture
@@ -133,16 +134,20 @@ def test_numbers_within_words_are_numbers():
     table = pd.DataFrame(
         {"claim": ["a is better", "b is"], "ours": ["12.5 | 3.1 mm", "nan"], "holds": ["yes", "no"]}
     )
-    found = reference.of_table(table)
+    found = table_numbers(table)
     assert found["a is better ours"] == "12.5 | 3.1 mm" and found["b is holds"] == "no"
-    assert moved("x", "12.5 | 3.1 mm", "12.6 | 3.1 mm") < 1 < moved("x", "12.5 | 3.1 mm", "13.2 | 3.1 mm")
-    assert moved("x", "12.5 | 3.1 mm", "12.5 mm") == np.inf
+    assert (
+        deviation("x", "12.5 | 3.1 mm", "12.6 | 3.1 mm")
+        < 1
+        < deviation("x", "12.5 | 3.1 mm", "13.2 | 3.1 mm")
+    )
+    assert deviation("x", "12.5 | 3.1 mm", "12.5 mm") == np.inf
 
 
 def test_words_and_unknown_numbers_have_no_tolerance():
-    assert moved("x", None, None) == 0 and moved("x", "ok", "ok") == 0
-    assert moved("x", None, 1.0) == moved("x", 1.0, None) == moved("x", "ok", "no") == np.inf
-    assert moved("x quartiles", [1.0, 2.0, 3.0], [1.0, 2.0]) == np.inf
+    assert deviation("x", None, None) == 0 and deviation("x", "ok", "ok") == 0
+    assert deviation("x", None, 1.0) == deviation("x", 1.0, None) == deviation("x", "ok", "no") == np.inf
+    assert deviation("x quartiles", [1.0, 2.0, 3.0], [1.0, 2.0]) == np.inf
 
 
 @pytest.fixture
