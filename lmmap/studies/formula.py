@@ -1,7 +1,7 @@
 """The paper's formula for the circle's pose: what it is off by without any noise, and why.
 
-The paper takes the middle of the bearings of the major axis' ends for the direction of the ring's centre.  But the
-centre of the ellipse is not the image of the circle's centre, unless the circle is seen head-on.
+The paper takes the middle of the bearings of the major axis' ends for the direction of the ring's centre.  But
+the centre of the ellipse is not the image of the circle's centre, unless the circle is seen head-on.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def tilt_to_sight_rad(T: Pose) -> np.ndarray:
 
 
 def errors_rad(T: Pose, camera: Camera, radius_m: float, reading: str) -> np.ndarray:
-    """Angle (...) between the true normal and the better candidate, from noise-free ellipses of poses (...)."""
+    """Angle (...) between the true normal and the better candidate, from ellipses without noise."""
     ellipse = circle_ellipse(T, radius_m, camera)
     n = normals(ellipse, camera, radius_m, reading, T.position_m)
     sine = np.linalg.norm(np.cross(n, T.normal[..., None, :]), axis=-1)
@@ -113,8 +113,7 @@ def medians_by_tilt(
 def lens_sweep(T: Pose, camera: Camera, radius_m: float, lenses_m) -> pd.DataFrame:
     """Median error (deg) of each reading by lens, with the ring's size and place in the image held fixed.
 
-    A longer lens at the same distances sees a smaller ring, nearer to the axis, at the same size in pixels: the
-    formula's bias depends on radius / distance alone.
+    Behind a longer lens a smaller ring, nearer to the axis, gives the same ellipses from the same distances.
     """
     rows = {}
     for lens_m in lenses_m:
