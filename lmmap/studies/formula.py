@@ -1,6 +1,6 @@
 """The paper's formula for the circle's pose: what it is off by without any noise, and why.
 
-The paper takes the middle of the bearings of the major axis' ends for the direction of the ring's centre.  But
+The paper takes the middle of the bearings of the major axis' ends for the direction of the ring's centre. But
 the centre of the ellipse is not the image of the circle's centre, unless the circle is seen head-on.
 """
 
