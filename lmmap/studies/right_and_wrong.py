@@ -1,0 +1,54 @@
+"""How often the answer is right, wrong, or absent: a docking camera may know nothing, but not be wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ..settings import OURS, Settings
+
+ESTIMATORS = {"ours": "", "printed": "paper_"}  # prefix of the error columns
+
+
+def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> pd.DataFrame:
+    """Shares of the images with the whole ring in view, in percent, by estimator.
+
+    A pose is wrong if its position is off by more than ``right_position_m``, its normal by more than
+    ``right_normal_rad`` or its rotation by more than ``right_rotation_rad``.
+
+    Parameters
+    ----------
+    tables
+        `pose_errors.errors` of sequences.
+
+    Returns
+    -------
+    DataFrame
+        ``estimator`` (ours, certain, printed), ``right_percent``, ``wrong_percent``, ``none_percent``,
+        ``images``.
+        *Certain* is ours where its covariance promises that one may dock with it.
+    """
+    in_view = pd.concat(tables).query("in_view")
+    rows = []
+    for estimator, prefix in ESTIMATORS.items():
+        has_pose = in_view[f"{prefix}position_error_m"].notna().to_numpy()
+        wrong = _is_wrong(in_view, prefix, settings)
+        rows.append((estimator, has_pose, wrong))
+        if estimator == "ours":
+            rows.append(("certain", has_pose & in_view.certain.to_numpy(bool), wrong))
+    return pd.DataFrame([{
+        "estimator": estimator, "right_percent": 100 * (has_pose & ~wrong).mean(),
+        "wrong_percent": 100 * (has_pose & wrong).mean(), "none_percent": 100 * (~has_pose).mean(),
+        "images": len(in_view),
+    } for estimator, has_pose, wrong in rows])  # fmt: skip
+
+
+def _is_wrong(table: pd.DataFrame, prefix: str, settings: Settings) -> np.ndarray:
+    limits = {
+        "position_error_m": settings.right_position_m,
+        "normal_error_deg": np.rad2deg(settings.right_normal_rad),
+        "rotation_error_deg": np.rad2deg(settings.right_rotation_rad),
+    }
+    return np.any([table[prefix + metric] > limit for metric, limit in limits.items()], axis=0)

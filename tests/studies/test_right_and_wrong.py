@@ -1,0 +1,38 @@
+"""Right, wrong and no answer: a table worked by hand, and shares that add up."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lmmap.studies.right_and_wrong import right_and_wrong
+
+
+@pytest.fixture
+def errors():
+    """Right; wrong by position, by normal, by rotation; no pose; out of view."""
+    none = np.nan
+    return pd.DataFrame({
+        "in_view": [True, True, True, True, True, False],
+        "certain": [True, False, True, False, False, True],
+        "position_error_m": [0.01, 0.03, 0.01, 0.01, none, 0.01],
+        "normal_error_deg": [1.0, 1.0, 6.0, 1.0, none, 1.0],
+        "rotation_error_deg": [2.0, 2.0, 2.0, 11.0, none, 2.0],
+        "paper_position_error_m": [0.01, 0.01, 0.01, none, none, 0.01],
+        "paper_normal_error_deg": [7.0, 4.0, 4.0, none, none, 4.0],
+        "paper_rotation_error_deg": [7.0, 4.0, 4.0, none, none, 4.0],
+    })  # fmt: skip
+
+
+def test_shares_by_hand(errors):
+    table = right_and_wrong([errors]).set_index("estimator")
+    assert table.loc["ours", ["right_percent", "wrong_percent", "none_percent"]].tolist() == [20, 60, 20]
+    assert table.loc["certain", ["right_percent", "wrong_percent", "none_percent"]].tolist() == [20, 20, 60]
+    assert table.loc["printed", ["right_percent", "wrong_percent", "none_percent"]].tolist() == [40, 20, 40]
+    assert (table.images == 5).all()
+
+
+def test_shares_add_up_and_sequences_weigh_by_their_images(errors):
+    once, twice = right_and_wrong([errors]), right_and_wrong([errors, errors])
+    columns = ["right_percent", "wrong_percent", "none_percent"]
+    np.testing.assert_allclose(twice[columns].sum(axis=1), 100)
+    pd.testing.assert_frame_equal(once[columns], twice[columns])
