@@ -50,6 +50,27 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     return wide.rename_axis(index=(None, None), columns=(None, None)).style.format(precision=1)
 
 
+def right_wrong_table(shares: pd.DataFrame):
+    """Right, wrong and absent poses in percent of the images with the ring in view, styled.
+
+    Parameters
+    ----------
+    shares
+        `right_and_wrong` by ``training``, ``light`` and ``modality``.
+    """
+    fused = shares.query("modality == 'fused' and estimator == 'ours'").assign(estimator="fused")
+    cells = pd.concat(
+        [shares.query("modality != 'fused'"), *(fused.assign(modality=m) for m in ("rgb", "event"))]
+    )
+    kinds = {"right_percent": "right", "wrong_percent": "wrong", "none_percent": "no answer"}
+    wide = cells.set_index(["training", "estimator", "light", "modality"])[list(kinds)].stack()
+    wide = wide.unstack(["light", "modality"]).rename_axis(index=[None] * 3)
+    rows = list(product(GAPS, ("printed", "ours", "certain", "fused"), kinds))
+    wide = wide.reindex(index=rows, columns=list(product(LIGHTS, ("rgb", "event"))))
+    wide = wide.rename(GAPS | kinds).rename(LIGHTS | CAMERAS, axis=1)
+    return wide.rename_axis(columns=(None, None)).style.format(precision=1)
+
+
 def seed_table(table: pd.DataFrame) -> pd.DataFrame:
     """Cells of `pose_errors.summary` by ``seed``, ``light`` and ``modality``, in words."""
     cells = table[table.variant == "exact"].assign(row="seed " + table.seed.astype(str))

@@ -10,6 +10,7 @@ import pandas as pd
 from ..training.mask_quality import medians
 from . import error_statistics, pose_errors
 from .pose_errors import DOMAIN_GAPS, TRACKS
+from .right_and_wrong import right_and_wrong
 
 DRAWS, SEED = 1000, 0  # of the bootstrap
 
@@ -53,6 +54,7 @@ def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[
         "by_view": {m: error_statistics.by_view(errors[m]) for m in TRACKS},
         "promise": {m: error_statistics.promise(errors[m]) for m in TRACKS},
         "by_sequence": {m: _by_sequence(names, errors[m]) for m in TRACKS},
+        "right_wrong": {m: right_and_wrong(errors[m]) for m in TRACKS},
         "coverage": {m: pd.DataFrame([error_statistics.coverage(errors[m], DRAWS, SEED)]) for m in TRACKS},
     }
     tables = {

@@ -13,7 +13,9 @@ import pandas as pd
 
 from ..bench.laboratory import motion, sequence
 from ..bench.sequences import SECONDS
-from ..geometry.projection import bearings, circle_ellipse, in_view
+from ..geometry.conics import circle_ellipse
+from ..geometry.port import in_view
+from ..geometry.projection import bearings
 from ..types import Camera, Ellipse, Port, Pose
 
 READINGS = {

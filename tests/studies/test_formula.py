@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from strategies import CAMERA, PORT
 
-from lmmap.geometry.projection import circle_ellipse
+from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline import circle
 from lmmap.studies import formula
 from lmmap.types import Pose
