@@ -11,8 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from ..bench.laboratory import motion, sequence
-from ..bench.sequences import SECONDS
+from ..bench.laboratory import SECONDS, sequence_motion, sequence
 from ..geometry.conics import circle_ellipse
 from ..geometry.port import in_view
 from ..geometry.projection import bearings
@@ -80,7 +79,7 @@ def bench_poses(camera: Camera, port: Port, trajectories: int = 3, rate_hz: floa
     """True poses (N,) of the bench's test trajectories with the whole ring in view; nothing is rendered."""
     t_s = np.arange(0, SECONDS["paper"]["test"], 1 / rate_hz)
     names = ["test-low" + (f"-{k}" if k else "") for k in range(trajectories)]
-    motions = [motion(sequence(name), t_s) for name in names]
+    motions = [sequence_motion(sequence(name), t_s) for name in names]
     T = Pose(*(np.concatenate([getattr(m, field) for m in motions]) for field in ("rotation", "position_m")))
     return T[np.flatnonzero(in_view(T, port, camera))]
 
