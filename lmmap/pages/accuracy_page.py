@@ -56,18 +56,18 @@ def right_wrong_table(shares: pd.DataFrame):
     Parameters
     ----------
     shares
-        `right_and_wrong` by ``training``, ``light`` and ``modality``.
+        `right_and_wrong` of one domain gap, by ``light`` and ``modality``.
     """
     fused = shares.query("modality == 'fused' and estimator == 'ours'").assign(estimator="fused")
     cells = pd.concat(
         [shares.query("modality != 'fused'"), *(fused.assign(modality=m) for m in ("rgb", "event"))]
     )
     kinds = {"right_percent": "right", "wrong_percent": "wrong", "none_percent": "no answer"}
-    wide = cells.set_index(["training", "estimator", "light", "modality"])[list(kinds)].stack()
-    wide = wide.unstack(["light", "modality"]).rename_axis(index=[None] * 3)
-    rows = list(product(GAPS, ("printed", "ours", "certain", "fused"), kinds))
+    wide = cells.set_index(["estimator", "light", "modality"])[list(kinds)].stack()
+    wide = wide.unstack(["light", "modality"]).rename_axis(index=(None, None))
+    rows = list(product(("printed", "ours", "certain", "fused"), kinds))
     wide = wide.reindex(index=rows, columns=list(product(LIGHTS, ("rgb", "event"))))
-    wide = wide.rename(GAPS | kinds).rename(LIGHTS | CAMERAS, axis=1)
+    wide = wide.rename(kinds).rename(LIGHTS | CAMERAS, axis=1)
     return wide.rename_axis(columns=(None, None)).style.format(precision=1)
 
 
