@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from ..bench.laboratory import SECONDS, sequence_motion, sequence
+from ..bench.laboratory import SECONDS, sequence, sequence_motion
 from ..geometry.conics import circle_ellipse
 from ..geometry.port import in_view
 from ..geometry.projection import bearings
