@@ -32,7 +32,7 @@ def main():
         exact = ours["float32"]
         nets = plain.nets(modality)
         _, image = list(images(recording, modality))[-5]
-        candidates = exact.candidates(exact.find_ring(exact.ring_filter(image))[0].ellipse)
+        candidates = exact.candidates(exact.find_ring(exact.ring_network(image))[0].ellipse)
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):
             start = time.perf_counter()
@@ -42,7 +42,7 @@ def main():
             for precision, estimator in ours.items():
                 start = time.perf_counter()
                 masks[precision] = [
-                    estimator.ring_filter(image),
+                    estimator.ring_network(image),
                     estimator.find_reflectors(image, candidates),
                 ]
                 seconds[precision].append(time.perf_counter() - start)

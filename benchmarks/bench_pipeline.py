@@ -24,7 +24,7 @@ from lmmap.pipeline import circle, ellipse, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.ring import skeleton_points
-from lmmap.pipeline.run import Shot, answered, images
+from lmmap.pipeline.run import TimedImage, estimate_images, images
 from lmmap.pipeline.weights import FILTERS
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
@@ -72,7 +72,7 @@ def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
 def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
     """The stages that `Estimator` goes through, one by one."""
     camera, port = estimator.camera, estimator.port
-    ring = watch("ring filter", estimator.ring_filter, image)
+    ring = watch("ring filter", estimator.ring_network, image)
     found, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
     if isinstance(found, Contour):
         candidates = watch("circle", estimator.candidates, found.ellipse)
@@ -116,7 +116,7 @@ def main() -> None:
             print(f"  {stage:24}" + "".join(cells))
         print(f"  {'image to pose':24}{a:8.2f}{b:8.2f}")
         start = time.perf_counter()
-        for _ in answered((Shot(k, image) for k, image in enumerate(LAPS * shots)), estimator):
+        for _ in estimate_images((TimedImage(k, image) for k, image in enumerate(LAPS * shots)), estimator):
             pass
         each = 1e3 * (time.perf_counter() - start) / (LAPS * len(shots)) + bin_ms
         good = 1e3 / each >= goal and b / each >= LEAST_RATIO

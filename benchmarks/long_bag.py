@@ -52,7 +52,7 @@ class Mirrored:
     def arm(self):
         """Times and joints of the arm, to and fro."""
         truth = self._one.truth
-        there = follow(standin.arm_poses(truth.T_cam_port))
+        there = follow(standin.arm_poses(truth.poses))
         back_us = truth.t_us[-1] - truth.t_us[::-1]
         parts = [(back_us, there[::-1]) if k % 2 else (truth.t_us, there) for k in range(self.periods)]
         t_us = [t + standin.START_US + k * self.period_us for k, (t, _) in enumerate(parts)]

@@ -54,7 +54,7 @@ def measured(estimator: Estimator, name: str):
     seen = recording(name)
     for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
         truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0]
-        ring, _ = estimator.find_ring(estimator.ring_filter(image))
+        ring, _ = estimator.find_ring(estimator.ring_network(image))
         if not (isinstance(ring, Contour) and in_view(truth, estimator.port, seen.camera)):
             continue
         candidates = estimator.candidates(ring.ellipse)
@@ -100,7 +100,7 @@ def row(modality, marker_sigma_px, values, differences, covariances, marker_scor
     told = dict.fromkeys(names, np.nan) | {"refined": len(differences)}
     if differences:
         d, C = np.array(differences), np.array(covariances)
-        told |= inflated(d, joint.honest(C, marker_scores)) | {"score_constant": inflated(d, C)["score"]}
+        told |= inflated(d, joint.inflate(C, marker_scores)) | {"score_constant": inflated(d, C)["score"]}
     return {"modality": modality, "marker_sigma_px": marker_sigma_px, "normal_deg": deg, "position_mm": mm,
             "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **told}  # fmt: skip
 

@@ -23,7 +23,7 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram, middle_us, windows_at
 from lmmap.provenance import DATA, save_table
-from lmmap.tracking.outliers import certain
+from lmmap.tracking.outliers import is_certain
 from lmmap.types import Estimate
 
 FACTORS = (1.0, 1.5, 2.0, 3.0)
@@ -55,7 +55,7 @@ def measured(estimator: Estimator, name: str) -> list[dict]:
         for factor in FACTORS:
             one, good, inside = seen_at(estimator, window[-int(factor * count) :], truth_of)
             found = one.T_cam_port is not None
-            (sure,) = certain([one])
+            (sure,) = is_certain([one])
             rows.append({"light": sequence(name).light, "factor": factor, "images": 1, "found": found,
                          "right": good, "inside": inside, "certain": sure,
                          "certain_right": sure and good})  # fmt: skip

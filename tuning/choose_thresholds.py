@@ -59,7 +59,7 @@ def right(T: Pose, truth: Pose, port: Port) -> bool:
 
 def answers(estimator: Estimator, image, truth) -> list[dict]:
     """The outcome with each threshold of the masks, and the markers' score that decides."""
-    rows, ring_mask = [], estimator.ring_filter(image)
+    rows, ring_mask = [], estimator.ring_network(image)
     for threshold, share in CUTS:
         estimator.settings = replace(estimator.settings, mask_threshold=threshold, peak_share=share)
         ring, _ = estimator.find_ring(ring_mask)

@@ -7,7 +7,7 @@ for a while, because a filter that coasts must know how far it may.  The score i
 the true pose under the fused covariance.  It alone would take sharper and sharper regions as long as they
 gain more than the poses outside of them cost.  So only those settings count whose 95 % region holds 95 % of
 the true poses, within a standard error over sequences; of these the one with the best score is chosen.
-How many right and wrong poses `tracking.certain` keeps is measured on the same estimates.  These are kept in
+How many right and wrong poses `is_certain` keeps is measured on the same estimates.  These are kept in
 data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion.
 """
 
@@ -25,7 +25,7 @@ from tqdm import tqdm
 from lmmap.bench import sequences
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate, in_time, true_poses
+from lmmap.pipeline.run import estimate, merge_by_time, true_poses
 from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stacked
@@ -33,7 +33,7 @@ from lmmap.settings import OURS, MotionSettings
 from lmmap.studies.accuracy_run import estimates_fingerprint
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.tracking.fusion import fuse
-from lmmap.tracking.outliers import certain
+from lmmap.tracking.outliers import is_certain
 from lmmap.types import Port, Status
 
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
@@ -90,7 +90,7 @@ def right(table: pd.DataFrame) -> pd.Series:
 
 
 def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
-    tables = [errors(recording, fuse(in_time(found), port.yaw_period_rad, RATE_HZ, motion), port)
+    tables = [errors(recording, fuse(merge_by_time(found), port.yaw_period_rad, RATE_HZ, motion), port)
               .assign(sequence=recording.name) for recording, found in cases]  # fmt: skip
     return pd.concat(tables).query("in_view")
 
@@ -105,8 +105,8 @@ def choice(grid: pd.DataFrame) -> pd.Series:
 def main() -> None:
     port, plain = Port.lm_map(), [measured(name) for name in SEQUENCES]
     cases = plain + [(recording, silenced(found)) for recording, found in plain]
-    steps = [np.diff(recording.truth.T_cam_port.position_m, axis=0) for recording, _ in plain]
-    turns = [pose_difference(r.truth.T_cam_port[:-1], r.truth.T_cam_port[1:], np.pi)[:, 3:] for r, _ in plain]
+    steps = [np.diff(recording.truth.poses.position_m, axis=0) for recording, _ in plain]
+    turns = [pose_difference(r.truth.poses[:-1], r.truth.poses[1:], np.pi)[:, 3:] for r, _ in plain]
     start = MotionSettings(
         speed_m_s=round(float(np.sqrt(np.mean(np.concatenate(steps) ** 2))) * sequences.TRUTH_HZ, 2),
         rate_rad_s=round(float(np.sqrt(np.mean(np.concatenate(turns) ** 2))) * sequences.TRUTH_HZ, 2),
@@ -131,7 +131,7 @@ def main() -> None:
 
     alone = [(recording, some) for recording, found in plain for some in found.values()]
     judged = [one for recording, some in alone for one in _judged(recording, some, port)]
-    kept, good = certain([e for e, _ in judged]), np.array([r for _, r in judged])
+    kept, good = is_certain([e for e, _ in judged]), np.array([r for _, r in judged])
     choices = {
         "motion": {**motion.__dict__, "lost_s": lost_s},
         "inside_95_percent": float(best.inside_95_percent),

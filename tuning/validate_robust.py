@@ -25,7 +25,7 @@ from validation_conditions import CONDITIONS, cases
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.weights import load_card, load_filter, shipped_gaps, weight_path
+from lmmap.pipeline.weights import load_card, load_network, shipped_gaps, weight_path
 from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.training import augment, dataset, train
@@ -51,13 +51,13 @@ def is_ring(found, T) -> bool:
     )
 
 
-def scores(modality: str, estimator: Estimator, ring_filter=None, reflectors=True) -> list[dict]:
+def scores(modality: str, estimator: Estimator, ring_network=None, reflectors=True) -> list[dict]:
     """A row a condition and filter: mean IoU, and in how many images the ring's ellipse is found."""
     rows, cut = [], estimator.settings.mask_threshold
     for name, condition in CONDITIONS[modality].items():
         fits, found, marked = [], [], []
         for image, (ring, markers), T in cases(condition):
-            mask = (ring_filter or estimator.ring_filter)(image)
+            mask = (ring_network or estimator.ring_network)(image)
             fits.append(iou(mask > cut, ring))
             found.append(is_ring(estimator.find_ring(mask)[0], T))
             if reflectors:
@@ -118,7 +118,7 @@ def trained(modality: str, label: str, left_out, seed: int, steps: int):
         with without(left_out):
             report = partial(print, label)
             train.train(recipe, links, report, kept, names, every=steps, validation_images=4)
-    return load_filter(kept, modality)
+    return load_network(kept, modality)
 
 
 def scored(modality: str, label: str, job, steps: int) -> pd.DataFrame:
@@ -126,8 +126,8 @@ def scored(modality: str, label: str, job, steps: int) -> pd.DataFrame:
     kept = kept_as(modality, label, steps, ".csv")
     if not kept.exists():
         estimator = Estimator(modality=modality)
-        ring_filter = trained(modality, label, *job, steps) if job else estimator.ring_filter
-        rows = scores(modality, estimator, ring_filter, reflectors=False)
+        ring_network = trained(modality, label, *job, steps) if job else estimator.ring_network
+        rows = scores(modality, estimator, ring_network, reflectors=False)
         kept.parent.mkdir(parents=True, exist_ok=True)
         pd.DataFrame(rows).assign(left_out=label).to_csv(kept, index=False)
     return pd.read_csv(kept)

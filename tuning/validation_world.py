@@ -18,7 +18,7 @@ import numpy as np
 from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
 from lmmap.bench.event_sensor import SensorSettings
 from lmmap.geometry.port import in_view
-from lmmap.pipeline.estimator import fitting
+from lmmap.pipeline.estimator import settings_for
 from lmmap.pipeline.run import images
 from lmmap.provenance import DERIVED_DATA
 from lmmap.settings import PAPER
@@ -173,7 +173,7 @@ def shots(recording: Recording, kind: str) -> dict[str, np.ndarray]:
     """Images of one kind with the ring in view, spread evenly; true masks (N, 2, H, W) and poses."""
     modality, settings = (
         kind.split()[0],
-        fitting(CAMERA, int(PAPER.events_per_window * HISTOGRAMS.get(kind, 1))),
+        settings_for(CAMERA, int(PAPER.events_per_window * HISTOGRAMS.get(kind, 1))),
     )
     span_us, found = recording.truth.t_us, []
     for t_us, image in images(recording, modality, settings):

@@ -145,9 +145,7 @@ def publish(rows: list[dict], folder: Path, facts: dict) -> None:
         truth = read_trajectory(folder / f"{name}.truth.csv")
         every = max(1, round(len(truth) / (truth.t_us[-1] - truth.t_us[0]) * 1e6 / TRUTH_HZ))
         at = sorted({*range(0, len(truth), every), len(truth) - 1})
-        write_trajectory(
-            Trajectory(truth.t_us[at], truth.T_cam_port[at]), target / f"truth-{name}.tum", "tum"
-        )
+        write_trajectory(Trajectory(truth.t_us[at], truth.poses[at]), target / f"truth-{name}.tum", "tum")
     for row in rows:
         lines = (folder / "tracks" / row["file"]).read_text().splitlines()
         (target / row["file"]).write_text("".join(_short(line) + "\n" for line in lines))

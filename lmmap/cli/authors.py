@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from ..files import CAMERA, atomic, check_output
 from ..pages import beside_paper
-from ..pipeline.estimator import Estimator, fitting
+from ..pipeline.estimator import Estimator, settings_for
 from ..pipeline.network import CHANNELS
 from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA
@@ -77,7 +77,7 @@ def calibrate(a) -> None:
     motions = [tf.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
     for path, motion in zip(a.bags, motions, strict=True):  # an arm that is missing is said before the work
         stream = open_stream(path, camera)
-        estimator = Estimator(stream.camera, port, a.modality, "low", fitting(stream.camera))
+        estimator = Estimator(stream.camera, port, a.modality, "low", settings_for(stream.camera))
         kept = output.with_name(f"{output.stem}.{path.stem}-{a.modality}.csv")
         kept = on_authors_bags.kept_in(kept, path, a.rate, stream.camera)
         estimates = on_authors_bags.detect(stream, estimator, a.rate, kept)

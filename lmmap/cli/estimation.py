@@ -50,12 +50,12 @@ def _estimate_single(a, stream: Stream) -> None:
         resumed, poses = len(journal.statuses), 0
         try:
             with Bar(stream, a.modality) as bar:
-                shots = run.shots(stream, a.modality, estimator.settings, a.rate)
+                shots = run.timed_images(stream, a.modality, estimator.settings, a.rate)
                 left = (shot for shot in shots if not journal.has(*shot.times_us))
-                for image, e in run.answered(left, estimator):
+                for image, e in run.estimate_images(left, estimator):
                     journal.add(e)
                     if a.video:
-                        video.add(image, e, estimator.ring_filter(image))
+                        video.add(image, e, estimator.ring_network(image))
                     poses += e.T_cam_port is not None
                     bar.show(e.t_us, len(journal.statuses) - resumed, poses)
         except KeyboardInterrupt:
@@ -78,7 +78,7 @@ def _estimate_fused(a, stream: Stream) -> None:
         both = {m: _estimate_part(stream, estimator, a.rate, parts[m]) for m, estimator in estimators.items()}
         try:
             with Bar(stream, a.modality) as bar:
-                for e in fuse(run.in_time(both), period_rad, a.rate):
+                for e in fuse(run.merge_by_time(both), period_rad, a.rate):
                     if journal.has(e.t_us):
                         continue
                     journal.add(e)
@@ -98,10 +98,10 @@ def _part(a, modality: str) -> Path:
 
 def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
-    shots = run.shots(stream, estimator.modality, estimator.settings, rate_hz)
+    shots = run.timed_images(stream, estimator.modality, estimator.settings, rate_hz)
     yield from journal.done.values()
     left = (shot for shot in shots if not journal.has(*shot.times_us))
-    for _, e in run.answered(left, estimator):
+    for _, e in run.estimate_images(left, estimator):
         journal.add(e)
         yield as_read(e)
 

@@ -57,7 +57,7 @@ def _estimates(a, stream: Stream) -> tuple[dict[str, list[Estimate]], Port]:
                 poses += e.T_cam_port is not None
                 bar.show(e.t_us, len(estimates[modality]), poses)
     if all(estimates.values()) and a.modality not in SINGLE:
-        estimates["fused"] = list(fuse(run.in_time(estimates), estimator.port.yaw_period_rad, a.rate))
+        estimates["fused"] = list(fuse(run.merge_by_time(estimates), estimator.port.yaw_period_rad, a.rate))
     return estimates, estimator.port
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..files import beside
-from ..pipeline.estimator import Estimator, fitting
+from ..pipeline.estimator import Estimator, settings_for
 from ..recordings.formats import open_stream
 from ..recordings.stream import Stream
 from ..rig import rig
@@ -34,7 +34,7 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
     known = None if a.port else find_rig(a.recording)
     port = Port.load(a.port) if a.port else known.port if known else Port.lm_map()
-    return Estimator(camera, port, modality, a.weights or a.domain_gap, fitting(camera, a.events))
+    return Estimator(camera, port, modality, a.weights or a.domain_gap, settings_for(camera, a.events))
 
 
 def find_rig(recording) -> rig.Rig | None:

@@ -68,7 +68,7 @@ def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
     with Journal(a.output, form) if a.output else nullcontext() as journal:
         try:
             for image in images:
-                _, e = run.looked(estimator, image)
+                _, e = run.estimate_image(estimator, image)
                 late_ms.append((device.now_us() - image.newest_us) * 1e-3)
                 statuses.append(str(e.status))
                 skipped += image.skipped

@@ -17,15 +17,15 @@ def monomials(x) -> np.ndarray:
     return np.stack([u * u, u * v, v * v, u, v, np.ones_like(u)], -1)
 
 
-def matrix(theta) -> np.ndarray:
+def conic_matrix(theta) -> np.ndarray:
     """Symmetric matrices of conics, (..., 6) -> (..., 3, 3)."""
     a, b, c, d, e, f = np.moveaxis(theta, -1, 0)
     rows = (a, b / 2, d / 2), (b / 2, c, e / 2), (d / 2, e / 2, f)
     return np.stack([np.stack(row, -1) for row in rows], -2)
 
 
-def coefficients(C) -> np.ndarray:
-    """Inverse of `matrix`."""
+def conic_coefficients(C) -> np.ndarray:
+    """Inverse of `conic_matrix`."""
     return np.stack([C[..., 0, 0], 2 * C[..., 0, 1], C[..., 1, 1],
                      2 * C[..., 0, 2], 2 * C[..., 1, 2], C[..., 2, 2]], -1)  # fmt: skip
 

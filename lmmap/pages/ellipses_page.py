@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.conic_fit import five_point_conics, normalise, sampson_distance, to_pixels
-from ..geometry.conics import ellipse_from_conic, matrix
+from ..geometry.conics import conic_matrix, ellipse_from_conic
 from ..pipeline import ellipse
 from ..settings import OURS, Settings
 from .sliders import Step
@@ -31,7 +31,7 @@ def ransac_steps(
     for k in range(draws):
         five = rng.choice(len(x), 5, replace=False)
         theta = five_point_conics(x, five[None])  # none where they do not determine one
-        fitted, real = ellipse_from_conic(matrix(theta))
+        fitted, real = ellipse_from_conic(conic_matrix(theta))
         on, contour, title = np.zeros(len(x), bool), NOTHING_PX, "no ellipse passes through these"
         if real.any():
             on = np.abs(sampson_distance(theta, x))[0] * scale < settings.ransac_tolerance_px

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..pipeline.run import shots
+from ..pipeline.run import timed_images
 from ..recordings.formats import open_recording, read_estimates
 from ..studies.metrics import position_error_m
 from ..types import Estimate, Port, Recording
@@ -149,7 +149,7 @@ def _paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dic
         recording = recordings.get(name) or open_recording(folder / f"{name}.h5")
         answers = {e.t_us: e for e in read_estimates(folder / f"estimates-{label}.csv")}
         wanted = set(images.t_us)
-        every = shots(recording, modality, rate_hz=rate_hz)
+        every = timed_images(recording, modality, rate_hz=rate_hz)
         looks = (look for shot in every for look in ((shot.t_us, shot.image), shot.wider) if look)
         where = f"{name.removeprefix('test-').replace('-', ' ')}, {CAMERAS[modality]}"
         for t_us, image in looks:

@@ -48,7 +48,7 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
         answers.append(answer := estimator(image, t_us))
         title = "RGB frame" if modality == "rgb" else f"{image.sum():,} events"
         show_image(row[0], image, title)
-        show_image(row[1], estimator.ring_filter(image), "ring filter, ellipse")
+        show_image(row[1], estimator.ring_network(image), "ring filter, ellipse")
         if answer.ellipse is not None:
             draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
             markers = estimator.find_reflectors(image, estimator.candidates(answer.ellipse))

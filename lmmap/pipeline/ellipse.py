@@ -15,7 +15,7 @@ from ..geometry.conic_fit import (
     sampson_fit,
     to_pixels,
 )
-from ..geometry.conics import ellipse_from_conic, matrix, monomials
+from ..geometry.conics import conic_matrix, ellipse_from_conic, monomials
 from ..settings import OURS, Settings
 from ..types import Ellipse
 
@@ -37,7 +37,7 @@ def fit(points_px) -> Ellipse:
     theta = direct_fit(x)
     if theta is not None:
         theta = sampson_fit(theta, x, np.ones(len(x)))
-        ellipse, real = ellipse_from_conic(matrix(theta))
+        ellipse, real = ellipse_from_conic(conic_matrix(theta))
         if real:
             return to_pixels(ellipse, centre, scale)
     raise ValueError("points_px: expected points of an ellipse, got none that determine one")
@@ -67,7 +67,7 @@ def fit_ransac(
         theta = sampson_fit(theta, x, inlier, steps=1)
     for candidate in theta[np.argsort(_msac(theta, x, tolerance))]:
         candidate = _polish(candidate, x, tolerance)
-        ellipse, real = ellipse_from_conic(matrix(candidate))
+        ellipse, real = ellipse_from_conic(conic_matrix(candidate))
         if not (real and _plausible(candidate, settings)):
             continue
         ellipse = to_pixels(ellipse, centre, scale)
@@ -107,7 +107,7 @@ def paper_ransac(
     if best is None:
         return None, inliers
     theta = np.append(np.linalg.lstsq(equations[inliers], -np.ones(inliers.sum()))[0], 1.0)
-    ellipse, real = ellipse_from_conic(matrix(theta))
+    ellipse, real = ellipse_from_conic(conic_matrix(theta))
     return (ellipse, inliers) if real else (None, np.zeros(len(points), bool))
 
 
@@ -146,6 +146,6 @@ def _polish(theta, x, tolerance: float):
 
 def _plausible(theta, settings: Settings):
     """Which conics are ellipses of sensible shape."""
-    ellipse, real = ellipse_from_conic(matrix(theta))
+    ellipse, real = ellipse_from_conic(conic_matrix(theta))
     with np.errstate(invalid="ignore"):
         return real & (ellipse.semi_axes_px[..., 1] >= settings.min_axis_ratio * ellipse.semi_axes_px[..., 0])

@@ -17,10 +17,10 @@ from . import circle, ellipse, yaw
 from .histograms import scaled_count
 from .network import crop_bounds
 from .ring import skeleton_points
-from .weights import DOMAIN_GAPS, FILTERS, load_filter, weight_path
+from .weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
 
 
-def fitting(camera: Camera, events_per_window: int | None = None) -> Settings:
+def settings_for(camera: Camera, events_per_window: int | None = None) -> Settings:
     """`OURS` with N scaled to the camera's pixels, or given."""
     return replace(OURS, events_per_window=events_per_window or scaled_count(camera.size_px))
 
@@ -49,12 +49,12 @@ class Estimator:
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
-        self.modality, self.settings = modality, settings or fitting(self.camera)
+        self.modality, self.settings = modality, settings or settings_for(self.camera)
         shipped = weights in DOMAIN_GAPS
         paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
         folder = paths[0].parent if shipped else Path(weights)
-        self.ring_filter, self.reflector_filter = (
-            load_filter(folder / p.name, modality, precision) for p in paths
+        self.ring_network, self.reflector_network = (
+            load_network(folder / p.name, modality, precision) for p in paths
         )
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
@@ -70,7 +70,7 @@ class Estimator:
         if image.shape[:2] != self.camera.size_px[::-1]:
             shape = self.camera.size_px[::-1]
             raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")
-        ring, coverage = self.find_ring(self.ring_filter(image))
+        ring, coverage = self.find_ring(self.ring_network(image))
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
@@ -82,9 +82,9 @@ class Estimator:
             return Estimate(t_us, Status.NO_MARKERS, ring=candidates[0], twin=candidates[1], ellipse=fitted,
                             arc_coverage=coverage, marker_score=best.score,
                             covariance=known.covariance)  # fmt: skip
-        paper = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
+        printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
-        return Estimate(t_us, Status.OK, T_cam_port, best.rival, paper.T_cam_port, fitted, coverage,
+        return Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
                         best.score, best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
 
     def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
@@ -97,7 +97,7 @@ class Estimator:
             both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
                                 marker_sigma_px, self.settings)  # fmt: skip
             if both is not None:
-                covariance = joint.honest(
+                covariance = joint.inflate(
                     both.covariance, best.score, self.settings.joint_inflation[self.modality]
                 )
                 return both.T_cam_port, covariance, known.tilt_sigmas
@@ -138,7 +138,7 @@ class Estimator:
         found = contour.trace(
             fitted, mask, self.settings.contour_half_width * stroke_px, self.camera, self.settings
         )
-        found = found or contour.on_points(fitted, points[inliers])
+        found = found or contour.from_points(fitted, points[inliers])
         found = replace(found, score=contour.score(found.ellipse, mask, self.camera))
         return found, ellipse.arc_coverage(found.ellipse, points)
 
@@ -152,7 +152,7 @@ class Estimator:
         low, high = markers_box_px(candidates, self.port, self.camera, self.settings.marker_border_px)
         rows, columns = crop_bounds(low, high, self.camera.size_px)
         mask = np.zeros(image.shape[:2], np.float32)
-        mask[rows, columns] = self.reflector_filter(image[rows, columns])
+        mask[rows, columns] = self.reflector_network(image[rows, columns])
         return mask
 
 

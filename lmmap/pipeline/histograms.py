@@ -28,7 +28,7 @@ def scaled_count(size_px: tuple[int, int]) -> int:
     return max(1, round(PAPER.events_per_window * size_px[0] * size_px[1] / (346 * 260)))
 
 
-def joined(chunks: Iterable[np.ndarray]) -> np.ndarray:
+def concatenate_events(chunks: Iterable[np.ndarray]) -> np.ndarray:
     """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields."""
     return np.concatenate([np.zeros(0, "V16"), *(np.ascontiguousarray(c).view("V16") for c in chunks)]).view(
         EVENT
@@ -43,7 +43,7 @@ def windows_of(
     _check_count(count)
     recent, seen = np.zeros(0, EVENT), 0
     for chunk in chunks:
-        recent = joined([recent, chunk]) if len(recent) else chunk
+        recent = concatenate_events([recent, chunk]) if len(recent) else chunk
         for stop in range(seen + count, len(recent) + 1, count):
             yield recent[max(0, stop - times * count) : stop]
             seen = stop
@@ -66,7 +66,7 @@ def windows_at(
         if not len(chunk):
             continue
         first_us = int(chunk["t_us"][0]) if first_us is None else first_us
-        recent = joined([recent, chunk])
+        recent = concatenate_events([recent, chunk])
         last_us = recent["t_us"][-1]
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (window,) = windows_before(recent, [tick_us], count)
@@ -135,7 +135,7 @@ def middle_us(events) -> int:
     return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2
 
 
-def looks(
+def window_histograms(
     events,
     count: int,
     size_px: tuple[int, int],

@@ -93,7 +93,7 @@ def encode(images: np.ndarray, modality: str) -> torch.Tensor:
     return (x.clamp(max=8) / 8).unsqueeze(1)
 
 
-def keep_freed_memory() -> None:
+def tune_allocator() -> None:
     """Have glibc keep the networks' large buffers: given back at each free and faulted in anew page by page,
     they cost a fifth of the time.  Other allocators are left as they are."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
@@ -102,7 +102,7 @@ def keep_freed_memory() -> None:
             mallopt(option, size)
 
 
-class Filter:
+class MaskNetwork:
     """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
 
     ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
@@ -111,8 +111,10 @@ class Filter:
     def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
         self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
         if self.precision not in PRECISIONS:
-            raise ValueError(f"Filter: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}")
-        keep_freed_memory()
+            raise ValueError(
+                f"MaskNetwork: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}"
+            )
+        tune_allocator()
         self._dtype = PRECISIONS[self.precision]
         self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
 
@@ -120,9 +122,9 @@ class Filter:
     def __call__(self, image: np.ndarray) -> np.ndarray:
         shape = (None, None, 3) if self.modality == "rgb" else (None, None)
         if image.ndim != len(shape) or (shape[2:] and image.shape[2] != 3) or 0 in image.shape:
-            raise ValueError(f"Filter: a {self.modality} image has shape {shape}, got {image.shape}")
+            raise ValueError(f"MaskNetwork: a {self.modality} image has shape {shape}, got {image.shape}")
         if not np.all(np.isfinite(image)):
-            raise ValueError("Filter: the image holds NaN or infinite values")
+            raise ValueError("MaskNetwork: the image holds NaN or infinite values")
         x = encode(image[None], self.modality).to(dtype=self._dtype, memory_format=torch.channels_last)
         return torch.sigmoid(self._net(x)[0, 0].float()).numpy()
 

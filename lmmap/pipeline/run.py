@@ -1,4 +1,4 @@
-"""From a recording to poses: its images in order, what is looked at twice, and both cameras' answers."""
+"""From a recording to poses: its images in order, their estimates, and both cameras' estimates merged."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import torch
 
 from ..settings import Settings
 from ..types import AnyRecording, Estimate, InputError, Pose
-from .estimator import Estimator, fitting
-from .histograms import looks, windows_at, windows_of
+from .estimator import Estimator, settings_for
+from .histograms import window_histograms, windows_at, windows_of
 
-AT_ONCE = 2  # images
+AT_ONCE = 2  # images estimated in parallel
 
 
-class Shot(NamedTuple):
-    """An image and its time; of events also the time and image of a wider window, or None."""
+class TimedImage(NamedTuple):
+    """An image with its time; of events also the time and histogram of a wider window, or None."""
 
     t_us: int
     image: np.ndarray
@@ -34,81 +34,91 @@ class Shot(NamedTuple):
         return {self.t_us} | ({self.wider[0]} if self.wider else set())
 
 
-def shots(recording: AnyRecording, modality: str, settings: Settings | None = None,
-          rate_hz: float | None = None) -> Iterator[Shot]:  # fmt: skip
-    """Every frame, or one histogram for each N events (or, at ``rate_hz``, the last N events before each
-    tick); a histogram's time is the middle of its events' span.
+def timed_images(
+    recording: AnyRecording,
+    modality: str,
+    settings: Settings | None = None,
+    rate_hz: float | None = None,
+) -> Iterator[TimedImage]:
+    """The images of a recording in the order of time, read as the recording streams.
 
-    A wider histogram is there once so many events have come, unless its time is not after the shot before.
-    ``settings`` default to `fitting` the recording's camera.  Reads a stream as it goes.
+    For ``"rgb"`` they are the frames.  For ``"event"`` they are histograms of N events each or, at
+    ``rate_hz``, of the last N events before each tick; a histogram's time is the middle of its events' span.
+    A wider histogram comes with it once enough events have come, unless its time is not after that of the
+    image before.  ``settings`` default to `settings_for` the recording's camera.
     """
     if modality == "rgb":
-        period_us = 1e6 / rate_hz if rate_hz else 0
-        due = -np.inf
-        for t_us, frame in recording.timed_frames():
-            if t_us >= due - 1000:
-                due = max(due + period_us, t_us) if np.isfinite(due) else t_us + period_us
-                yield Shot(int(t_us), frame)
+        yield from _frames(recording, rate_hz)
         return
-    settings = settings or fitting(recording.camera)
-    count = settings.events_per_window
+    settings = settings or settings_for(recording.camera)
+    count, factor = settings.events_per_window, settings.second_look_factor
     chunks, before_us = recording.chunks(), None
-    most = math.ceil(settings.second_look_factor)
+    most = math.ceil(factor)
     windows = windows_at(chunks, rate_hz, count, most) if rate_hz else windows_of(chunks, count, most)
     for window in windows:
-        first, *wider = looks(window, count, recording.camera.size_px, before_us, settings.second_look_factor)
-        yield Shot(*first, *wider)
+        first, *wider = window_histograms(window, count, recording.camera.size_px, before_us, factor)
+        yield TimedImage(*first, *wider)
         before_us = first[0]
 
 
+def _frames(recording: AnyRecording, rate_hz: float | None) -> Iterator[TimedImage]:
+    """Every frame or, at ``rate_hz``, the first frame in each period; a millisecond early is in time."""
+    period_us = 1e6 / rate_hz if rate_hz else 0
+    due_us = -np.inf
+    for t_us, frame in recording.timed_frames():
+        if t_us >= due_us - 1000:
+            due_us = max(due_us + period_us, t_us) if np.isfinite(due_us) else t_us + period_us
+            yield TimedImage(int(t_us), frame)
+
+
 def images(*args, **options) -> Iterator[tuple[int, np.ndarray]]:
-    """``(t_us, image)`` of each of `shots`, which has the same arguments."""
-    return ((shot.t_us, shot.image) for shot in shots(*args, **options))
+    """``(t_us, image)`` of each of `timed_images`, which has the same arguments."""
+    return ((timed.t_us, timed.image) for timed in timed_images(*args, **options))
 
 
-def looked(estimator: Estimator, shot: Shot) -> tuple[np.ndarray, Estimate]:
-    """``(image, estimate)`` of a shot: where its image shows no port and the wider one does, of that."""
-    found = shot.image, estimator(shot.image, shot.t_us)
-    if shot.wider and found[1].T_cam_port is None:
-        again = estimator(shot.wider[1], shot.wider[0])
-        if again.T_cam_port is not None:
-            return shot.wider[1], again
-    return found
+def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
+    """``(image, estimate)`` of a `TimedImage`: of its wider image where only that one shows the port."""
+    estimate = estimator(timed.image, timed.t_us)
+    if timed.wider and estimate.T_cam_port is None:
+        second = estimator(timed.wider[1], timed.wider[0])
+        if second.T_cam_port is not None:
+            return timed.wider[1], second
+    return timed.image, estimate
 
 
-def answered(shots: Iterable[Shot], estimator: Estimator) -> Iterator[tuple]:
-    """Yield ``(image, estimate)`` for each shot, in their order, two at a time.
+def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterator[tuple]:
+    """Yield ``(image, estimate)`` for each `TimedImage`, in their order; two are worked on at a time.
 
-    On two cores that is faster than two threads on one image: the numpy half has only one.  An error among
-    the images comes after the estimates of those before it.
+    On two cores that is faster than two threads on one image, because the numpy half runs on one thread.  An
+    `InputError` among the images is raised after the estimates of those before it.
     """
-    waiting, error, shots = deque(), None, iter(shots)
+    waiting, end, timed = deque(), None, iter(timed)
     threads = max(torch.get_num_threads() // AT_ONCE, 1)
     with ThreadPoolExecutor(AT_ONCE, initializer=torch.set_num_threads, initargs=(threads,)) as pool:
-        while waiting or not error:
+        while waiting or not end:
             try:
-                while not error and len(waiting) <= AT_ONCE:
-                    waiting.append(pool.submit(looked, estimator, next(shots)))
-            except (StopIteration, InputError) as end:
-                error = end
+                while not end and len(waiting) <= AT_ONCE:
+                    waiting.append(pool.submit(estimate_image, estimator, next(timed)))
+            except (StopIteration, InputError) as reason:
+                end = reason
             if waiting:
                 yield waiting.popleft().result()
-    if isinstance(error, InputError):
-        raise error
+    if isinstance(end, InputError):
+        raise end
 
 
 def estimate(
     recording: AnyRecording, estimator: Estimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
     """Estimates of a whole recording, in the order of time."""
-    of_it = shots(recording, estimator.modality, estimator.settings, rate_hz)
-    return (one for _, one in answered(of_it, estimator))
+    timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
+    return (estimate for _, estimate in estimate_images(timed, estimator))
 
 
-def in_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
+def merge_by_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
     """``(modality, estimate)`` in the order of time, of modalities whose own estimates are in that order."""
-    named = [zip(repeat(modality), some) for modality, some in estimates.items()]
-    return heapq.merge(*named, key=lambda one: one[1].t_us)
+    named = [zip(repeat(modality), own) for modality, own in estimates.items()]
+    return heapq.merge(*named, key=lambda pair: pair[1].t_us)
 
 
 def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:

@@ -13,7 +13,7 @@ from safetensors.torch import save_file
 from ..files import read_text
 from ..provenance import DATA
 from ..types import InputError
-from .network import CHANNELS, Filter, FilterNet
+from .network import CHANNELS, FilterNet, MaskNetwork
 
 FILTERS = ("ring", "reflector")
 DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
@@ -76,8 +76,8 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
     return tensors
 
 
-def load_filter(path, modality: str, precision: str = "auto") -> Filter:
+def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
     """A filter from its weight file; errors as `load_weights`."""
     net = FilterNet(CHANNELS[modality])
     net.load_state_dict(load_weights(path, modality))
-    return Filter(net, modality, precision)
+    return MaskNetwork(net, modality, precision)

@@ -14,7 +14,7 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance: m and rad, camera's
 UPPER = np.triu_indices(6)
 COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
 UNDISTORTED = "image, free of lens distortion"
-PREFIXES = {"T_cam_port": "", "rival": "rival_", "paper": "paper_", "ring": "ring_", "twin": "twin_"}
+PREFIXES = {"T_cam_port": "", "rival": "rival_", "printed": "printed_", "ring": "ring_", "twin": "twin_"}
 
 
 class Columns(NamedTuple):
@@ -45,7 +45,7 @@ TABLE = (
     Columns(ELLIPSE[2:4], "px", UNDISTORTED, "its semi-axes"),
     Columns(ELLIPSE[4:], "rad", UNDISTORTED, "from +u to its major axis, modulo pi"),
     *_pose("rival_", "by the circle's other normal"),
-    *_pose("paper_", "by the paper's formula on the same ellipse"),
+    *_pose("printed_", "by the formula as printed on the same ellipse"),
     Columns(
         CERTAINTY[:1], "1", "image", "how much better the pose explains the markers than its rival, 0 to 1"
     ),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import dv_processing as dv
 import numpy as np
 
-from ..pipeline.histograms import joined, looks
+from ..pipeline.histograms import concatenate_events, window_histograms
 from ..settings import OURS
 from ..types import EVENT, InputError
 from .aedat4 import rgb
@@ -135,11 +135,11 @@ def newest(
             yield LiveImage(t_us, frame, t_us, len(pending) - 1)
             continue
         fresh += sum(len(chunk) for chunk in pending)
-        recent = joined([recent, *pending])[-math.ceil(OURS.second_look_factor) * count :]
+        recent = concatenate_events([recent, *pending])[-math.ceil(OURS.second_look_factor) * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue
         skipped, fresh = fresh // count - 1, 0
-        first, *wider = looks(recent, count, device.size_px, before_us)
+        first, *wider = window_histograms(recent, count, device.size_px, before_us)
         yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
         before_us = first[0]

@@ -23,7 +23,7 @@ def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
     """Write ``csv`` (T_cam_port, microseconds) or ``tum`` (camera in the port's frame, seconds)."""
     if format not in ("csv", "tum"):
         raise ValueError(f"format: expected 'csv' or 'tum', got {format!r}")
-    T = trajectory.T_cam_port if format == "csv" else trajectory.T_cam_port.inverse
+    T = trajectory.poses if format == "csv" else trajectory.poses.inverse
     rows = zip(trajectory.t_us.tolist(), _pose_rows(T), strict=True)
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
         if format == "csv":
@@ -79,8 +79,8 @@ def read_truth(path) -> Trajectory:
 
 
 def write_estimates(estimates: list[Estimate], path) -> None:
-    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's and the paper's pose,
-    certainty, and the upper triangle of the pose's covariance."""
+    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
+    printed formula, certainty, and the upper triangle of the pose's covariance."""
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -123,6 +123,7 @@ def parse_estimates(text: str, path) -> list[Estimate]:
 
 
 def _estimate(row: dict) -> Estimate:
+    row = {name.replace("paper_", "printed_"): value for name, value in row.items()}  # an older name
     poses = {
         name: _poses([[row[prefix + n] for n in POSE]])[0]
         for name, prefix in PREFIXES.items()

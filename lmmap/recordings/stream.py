@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..pipeline.histograms import joined
+from ..pipeline.histograms import concatenate_events
 from ..types import Camera, InputError, Recording, Trajectory
 from .limits import check_times
 
@@ -70,7 +70,7 @@ class Stream:
 
     def collect(self) -> Recording:
         """The whole recording in memory."""
-        events = joined(self.chunks())
+        events = concatenate_events(self.chunks())
         timed = list(self.timed_frames())
         width, height = self.camera.size_px
         frames = np.array([frame for _, frame in timed], np.uint8).reshape(-1, height, width, 3)
@@ -114,14 +114,14 @@ def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.
             waiting.append(batch)
             size += len(batch)
             if size >= count:
-                yield joined(waiting) if waiting[1:] else batch
+                yield concatenate_events(waiting) if waiting[1:] else batch
                 waiting, size = [], 0
     except Exception:
         if size:
-            yield joined(waiting)
+            yield concatenate_events(waiting)
         raise
     if size:
-        yield joined(waiting)
+        yield concatenate_events(waiting)
 
 
 def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..geometry.conic_fit import normalise, sampson_distance, sampson_fit, to_pixels
-from ..geometry.conics import coefficients, conic_from_ellipse, ellipse_from_conic, matrix
+from ..geometry.conics import conic_coefficients, conic_from_ellipse, conic_matrix, ellipse_from_conic
 from ..geometry.projection import distort_points
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse
@@ -82,7 +82,7 @@ def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
     return float(cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).mean())
 
 
-def on_points(ellipse: Ellipse, points_px) -> Contour:
+def from_points(ellipse: Ellipse, points_px) -> Contour:
     """The contour that points (M, 2), found elsewhere to lie on an ellipse, are."""
     x, theta, _, scale = _normalised(np.asarray(points_px, float), ellipse)
     return Contour(ellipse, points_px, float(scale * np.sqrt(np.mean(sampson_distance(theta, x) ** 2))))
@@ -91,7 +91,7 @@ def on_points(ellipse: Ellipse, points_px) -> Contour:
 def _normalised(points, ellipse: Ellipse):
     x, centre, scale = normalise(points)
     to_px = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
-    return x, coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
+    return x, conic_coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
 
 
 def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarray, float]:
@@ -102,7 +102,7 @@ def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarra
         r = np.abs(sampson_distance(theta, x))
         cut = 4.7 * max(1.48 * np.median(r), 1e-9)
         theta = sampson_fit(theta, x, np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
-    ellipse, real = ellipse_from_conic(matrix(theta))
+    ellipse, real = ellipse_from_conic(conic_matrix(theta))
     inlier = r < cut
     sigma = np.sqrt(np.sum(sampson_distance(theta, x)[inlier] ** 2) / max(inlier.sum() - 5, 1))
     return to_pixels(ellipse, centre, scale) if real else start, inlier, float(sigma * scale)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..geometry.conic_fit import sampson_distance
-from ..geometry.conics import circle_conic, coefficients
+from ..geometry.conics import circle_conic, conic_coefficients
 from ..geometry.projection import project
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
@@ -53,7 +53,7 @@ def refine(
     T = T_cam_port
     for _ in range(settings.joint_rounds):
         moved = _moved(T, np.vstack([np.zeros(6), STEPS]))
-        theta = coefficients(circle_conic(moved, port.ring_radius_m, camera))
+        theta = conic_coefficients(circle_conic(moved, port.ring_radius_m, camera))
         distance = sampson_distance(theta, ring_points_px)  # (7, M)
         J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
         r_ring = distance[0] / ring_sigma_px
@@ -88,7 +88,7 @@ def refine(
     return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
 
 
-def honest(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
+def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
     """The covariance (..., 6, 6) of errors on masks: ``inflation`` where the markers' score (...) is 1, and
     larger where they are faint, a standard deviation being as 1 / score."""
     return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]

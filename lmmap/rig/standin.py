@@ -78,7 +78,7 @@ def shift_time(recording: Recording, by_us: int) -> Recording:
     """The same recording at another time."""
     events = recording.events.copy()
     events["t_us"] += by_us
-    truth = recording.truth and Trajectory(recording.truth.t_us + by_us, recording.truth.T_cam_port)
+    truth = recording.truth and Trajectory(recording.truth.t_us + by_us, recording.truth.poses)
     return replace(recording, events=events, frames_t_us=recording.frames_t_us + by_us, truth=truth)
 
 

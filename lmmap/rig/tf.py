@@ -64,7 +64,7 @@ def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> ur5e.ArmMo
         )
     T = Pose.identity()
     for link, backward in parts:
-        at = link.at(t_us) if len(link) > 1 else link.T_cam_port[0]
+        at = link.at(t_us) if len(link) > 1 else link.poses[0]
         T = T @ (at.inverse if backward else at)
     return ur5e.ArmMotion(t_us, T)
 

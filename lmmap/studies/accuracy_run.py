@@ -12,7 +12,7 @@ from ..bench import laboratory, sequences, simulate
 from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision
-from ..pipeline.run import estimate, in_time
+from ..pipeline.run import estimate, merge_by_time
 from ..pipeline.weights import shipped_gaps
 from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
@@ -125,7 +125,7 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
     counts, files = [], []
     for gap in DOMAIN_GAPS if kind == "test" else DOMAIN_GAPS[:1]:
         tracks = {m: _estimates(recording, m, gap, rate_hz, folder, report) for m in MODALITIES}
-        tracks["fused"] = list(fuse(in_time(tracks), port.yaw_period_rad, rate_hz))
+        tracks["fused"] = list(fuse(merge_by_time(tracks), port.yaw_period_rad, rate_hz))
         write_estimates(tracks["fused"], folder / f"estimates-{label(name, 'fused', gap)}.csv")
         for modality, estimates in tracks.items():
             medians = {}

@@ -117,7 +117,7 @@ def relative_errors(
     i, j = associate(estimate.t_us, reference.t_us, max_gap_us)
     if len(i) < 2:
         raise ValueError(f"estimate: expected at least 2 poses near the reference's times, got {len(i)}")
-    es, gt = estimate.T_cam_port[i].inverse, reference.T_cam_port[j].inverse
+    es, gt = estimate.poses[i].inverse, reference.poses[j].inverse
     if align_scale:
         s = umeyama(es.position_m[:aligned_poses], gt.position_m[:aligned_poses])[0]
         es = Pose(es.rotation, s * es.position_m)

@@ -37,19 +37,19 @@ def continuous_yaw(trajectory: Trajectory, period_rad: float) -> Trajectory:
 
     What remains is one multiple for the whole trajectory, which relative motion does not see.
     """
-    R = trajectory.T_cam_port.rotation
+    R = trajectory.poses.rotation
     step = np.swapaxes(R[:-1], -1, -2) @ R[1:]
     # angle about z nearest to a rotation: the one that maximises trace(Rz(-a) step)
     angle = np.arctan2(step[:, 1, 0] - step[:, 0, 1], step[:, 0, 0] + step[:, 1, 1])
     turns = np.concatenate([np.zeros(min(len(R), 1)), np.cumsum(np.round(angle / period_rad))])
     rotation = R @ rotation_z(-period_rad * turns)
-    return Trajectory(trajectory.t_us, Pose(rotation, trajectory.T_cam_port.position_m))
+    return Trajectory(trajectory.t_us, Pose(rotation, trajectory.poses.position_m))
 
 
 def nearest_yaw(trajectory: Trajectory, reference: Trajectory, period_rad: float) -> Trajectory:
     """Poses within a reference's time, yaw's unknown multiple of ``period_rad`` chosen nearest to it."""
     within = (trajectory.t_us >= reference.t_us[0]) & (trajectory.t_us <= reference.t_us[-1])
-    T, t_us = trajectory.T_cam_port[within], trajectory.t_us[within]
+    T, t_us = trajectory.poses[within], trajectory.t_us[within]
     equal = T.rotation[:, None] @ equal_turns(period_rad)
     off_rad = rotation_angle_rad(np.swapaxes(reference.at(t_us).rotation, -1, -2)[:, None] @ equal)
     return Trajectory(t_us, Pose(equal[np.arange(len(t_us)), np.argmin(off_rad, 1)], T.position_m))
@@ -64,7 +64,7 @@ def camera_track(estimates: list[Estimate], port: Port) -> Trajectory:
 
 def path_length_m(trajectory: Trajectory) -> float:
     """Length of the camera's path in the port's frame."""
-    steps = np.diff(trajectory.T_cam_port.inverse.position_m, axis=0)
+    steps = np.diff(trajectory.poses.inverse.position_m, axis=0)
     return float(np.linalg.norm(steps, axis=1).sum())
 
 
@@ -85,7 +85,7 @@ def read_tracks(path) -> list[Trajectory]:
         len(list(g)) for is_cut, g in itertools.groupby(lines, lambda x: x.startswith("# ")) if not is_cut
     ]
     stops = np.cumsum([0, *sizes])
-    return [Trajectory(whole.t_us[a:b], whole.T_cam_port[a:b]) for a, b in itertools.pairwise(stops.tolist())]
+    return [Trajectory(whole.t_us[a:b], whole.poses[a:b]) for a, b in itertools.pairwise(stops.tolist())]
 
 
 def score(tracks: list[Trajectory], reference: Trajectory) -> pd.DataFrame:
@@ -127,7 +127,7 @@ def _score(track: Trajectory, reference: Trajectory, lengths_m) -> pd.DataFrame:
             f"too short: {inside.sum()} poses within the reference's time, and finding the scale takes the "
             f"first {ALIGNED_POSES}; track for longer"
         )
-    track = Trajectory(track.t_us[inside], track.T_cam_port[inside])
+    track = Trajectory(track.t_us[inside], track.poses[inside])
     at = Trajectory(track.t_us, reference.at(track.t_us))
     try:
         found = relative_errors(track, at, lengths_m, aligned_poses=ALIGNED_POSES)

@@ -12,8 +12,8 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from ..pipeline.estimator import Estimator, fitting
-from ..pipeline.run import answered, shots
+from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.run import estimate_images, timed_images
 from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA, fingerprint, save_json, save_table
 from ..recordings.formats import open_stream
@@ -34,10 +34,10 @@ CALIBRATED_ON = 1000  # detections, spread over the bags; of short ones every fr
 def detect(stream: Stream, estimator: Estimator, rate_hz: float, kept: Path) -> list[Estimate]:
     """Estimates of a bag's images, each on disk as it comes; an interrupted call goes on."""
     with Journal(kept, resume=True) as journal:
-        every = shots(stream, estimator.modality, estimator.settings, rate_hz)
+        every = timed_images(stream, estimator.modality, estimator.settings, rate_hz)
         left = (shot for shot in every if not journal.has(*shot.times_us))
         try:
-            for _, one in tqdm(answered(left, estimator), kept.stem, unit=" images", disable=None):
+            for _, one in tqdm(estimate_images(left, estimator), kept.stem, unit=" images", disable=None):
                 journal.add(one)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"{kept} keeps what was estimated, the same command goes on") from None
@@ -155,7 +155,7 @@ def _rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     parts, seconds = [], sum(authors_bags.bag_contents(bag.path)["seconds"] for bag in some)
     for bag in some:
         motion, stream = tf.arm_motion(bag.path, *ends), open_stream(bag.path, camera)
-        estimator = Estimator(camera, port, "rgb", "low", fitting(camera))
+        estimator = Estimator(camera, port, "rgb", "low", settings_for(camera))
         kept = kept_in(out / f"rig-{_label(folder, bag)}.csv", bag.path, camera)
         parts.append(
             calibration.collect_detections(detect(stream, estimator, CALIBRATED_ON / seconds, kept), motion)
@@ -193,7 +193,7 @@ def weights_of(out: Path, modality: str, gap: str) -> Path | str:
 
 def _estimates(stream, label, port, modality, gap, out, report) -> list[Estimate]:
     weights = weights_of(out, modality, gap)
-    settings = replace(fitting(stream.camera), rate_hz=RATE_HZ)
+    settings = replace(settings_for(stream.camera), rate_hz=RATE_HZ)
     estimator = Estimator(stream.camera, port, modality, weights, settings)
     label = f"{label}-{modality}-{gap}"
     own = [p.stat().st_mtime_ns for p in sorted(weights.glob("*"))] if isinstance(weights, Path) else gap

@@ -16,7 +16,7 @@ from ..pipeline.run import true_poses
 from ..provenance import DATA
 from ..recordings.pose_files import stacked
 from ..settings import PAPER
-from ..tracking.outliers import certain, outlier_filter, sigmas
+from ..tracking.outliers import is_certain, outlier_filter, sigmas
 from ..types import Estimate, Port, Pose, Recording
 from . import bootstrap
 from .metrics import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
@@ -47,13 +47,13 @@ def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.Da
         pose (chi-square with 6 degrees of freedom).
     """
     estimates, truth = true_poses(recording, estimates)
-    printed = [replace(e, T_cam_port=e.paper) for e in estimates]
+    printed = [replace(e, T_cam_port=e.printed) for e in estimates]
     with_covariance = [e if e.covariance is not None else replace(e, T_cam_port=None) for e in estimates]
-    is_certain = certain(with_covariance)
-    pairs = zip(estimates, is_certain, strict=True)
+    certain = is_certain(with_covariance)
+    pairs = zip(estimates, certain, strict=True)
     certain_only = [e if keep else replace(e, T_cam_port=None) for e, keep in pairs]
     table = pd.DataFrame({"t_us": [e.t_us for e in estimates], "status": [str(e.status) for e in estimates]})
-    table["in_view"], table["certain"] = in_view(truth, port, recording.camera), is_certain
+    table["in_view"], table["certain"] = in_view(truth, port, recording.camera), certain
     variants = {"kept": estimates, "paper_kept": printed, "certain_kept": certain_only}
     for column, variant in variants.items():
         table[column] = outlier_filter(variant, port.yaw_period_rad)

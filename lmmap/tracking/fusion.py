@@ -27,7 +27,7 @@ from .motion_model import POSE, Track, repetition
 
 LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
-FARTHEST = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
+STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
 
 
 class Fusion:
@@ -72,19 +72,19 @@ class Fusion:
         track, whole = self._at(t_us), [camera for camera, e in seen.items() if e.T_cam_port is not None]
         if track is None and whole:
             first = min(whole, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
-            track = self.track = Track.begun(seen.pop(first), first, self.motion)
+            track = self.track = Track.start(seen.pop(first), first, self.motion)
         if track is None:
             return
         information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
         for camera, e in seen.items():
-            if (found := self._matched(track, e)) is None:
+            if (found := self._match(track, e)) is None:
                 continue
             y, S = found
             weight = np.linalg.inv(S * self._repetition(track, camera, t_us))
             information, vector, taken = information + weight, vector + weight @ y, {**taken, camera: t_us}
         if taken:
             S = np.linalg.inv(information)
-            self.track = track.corrected(S @ vector, S, taken)
+            self.track = track.correct(S @ vector, S, taken)
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
@@ -102,9 +102,9 @@ class Fusion:
     def _at(self, t_us: int) -> Track | None:
         if self.track is None or t_us - max(self.track.seen_us.values()) > 1e6 * self.motion.lost_s:
             return None
-        return self.track.predicted(t_us, self.motion)
+        return self.track.predict(t_us, self.motion)
 
-    def _matched(self, track: Track, e: Estimate):
+    def _match(self, track: Track, e: Estimate):
         """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the
         gate; of a ring, of the nearer of its two poses; None beyond the gate."""
         whole = e.T_cam_port is not None
@@ -188,4 +188,4 @@ def _turned(covariance, normal, rival) -> np.ndarray:
 
 
 def _progress(status: Status) -> int:
-    return FARTHEST.index(status) if status in FARTHEST else -1
+    return STAGES.index(status) if status in STAGES else -1

@@ -40,14 +40,14 @@ class Track:
     seen_us: Mapping[str, int]
 
     @classmethod
-    def begun(cls, e: Estimate, camera: str, motion: MotionSettings) -> Track:
+    def start(cls, e: Estimate, camera: str, motion: MotionSettings) -> Track:
         """At an estimate, with a velocity of which only the usual size is known."""
         rates = np.repeat([motion.speed_m_s**2, motion.rate_rad_s**2], 3)
         covariance = np.diag(np.concatenate([np.zeros(6), rates]))
         covariance[POSE, POSE] = e.covariance
         return cls(e.t_us, e.T_cam_port, np.zeros(6), covariance, {camera: e.t_us})
 
-    def predicted(self, t_us: int, motion: MotionSettings) -> Track:
+    def predict(self, t_us: int, motion: MotionSettings) -> Track:
         """The same at a later time."""
         dt = (t_us - self.t_us) * 1e-6
         if dt < 0:
@@ -63,7 +63,7 @@ class Track:
         T = Pose(turn @ self.T_cam_port.rotation, self.T_cam_port.position_m + v * dt)
         return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(F @ self.covariance @ F.T + Q))
 
-    def corrected(self, y, S, seen_us: Mapping[str, int]) -> Track:
+    def correct(self, y, S, seen_us: Mapping[str, int]) -> Track:
         """The same after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""
         P = self.covariance
         K = np.linalg.solve(P[POSE, POSE] + S, P[POSE]).T

@@ -43,7 +43,7 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
     return tuple(float(np.sqrt(max(w, 0))) for w in worst)
 
 
-def certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
+def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
     """Which estimates promise to be right, shape (N,) bool: ``certain_sigmas`` times their `sigmas` are
     within the errors ``right_position_m`` and ``right_normal_rad``."""
     sure, limits = settings.certain_sigmas, (settings.right_position_m, settings.right_normal_rad)

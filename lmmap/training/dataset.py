@@ -17,7 +17,7 @@ import numpy as np
 from ..bench import labels, sequences
 from ..bench.renderer import ray_grid
 from ..files import atomic
-from ..pipeline.histograms import joined
+from ..pipeline.histograms import concatenate_events
 from ..pipeline.weights import FILTERS
 from ..provenance import fingerprint, source_files
 from ..recordings.stream import Stream
@@ -105,7 +105,7 @@ def excerpts(stream: Stream, starts_us, length_us: int) -> Iterator[Recording]:
         while last_us < end_us and (chunk := next(chunks, None)) is not None:
             last_us = chunk["t_us"][-1]
             parts += [chunk] if last_us >= start_us else []
-        events = joined(parts)
+        events = concatenate_events(parts)
         first, last = np.searchsorted(events["t_us"], [start_us, end_us])
         later = events[last:].copy()
         while frame is not None and frame[0] < end_us:

@@ -15,7 +15,7 @@ from ..geometry.projection import project
 from ..pipeline import run
 from ..pipeline.estimator import markers_box_px
 from ..pipeline.ring import binarise
-from ..pipeline.weights import FILTERS, load_filter, weight_path
+from ..pipeline.weights import FILTERS, load_network, weight_path
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, Recording
 
@@ -91,7 +91,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
     port, rows = port or Port.lm_map(), []
     rays = ray_grid(recording.camera, 4)
     for modality in modalities:
-        nets = {(gap, name): load_filter(weight_path(name, modality, gap), modality, precision)
+        nets = {(gap, name): load_network(weight_path(name, modality, gap), modality, precision)
                 for gap in domain_gaps for name in FILTERS}  # fmt: skip
         for t_us, image, pose in _images_in_view(recording, modality, port, settings, most):
             truth = dict(zip(FILTERS, labels.label_masks(pose, port, recording.camera, rays), strict=True))

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from ..pipeline.network import CHANNELS, FilterNet, encode, keep_freed_memory
+from ..pipeline.network import CHANNELS, FilterNet, encode, tune_allocator
 from ..pipeline.weights import load_card, load_weights, save_weights, weight_path
 from ..provenance import commit
 from ..settings import PAPER
@@ -115,7 +115,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
                          for part in dataset.split(names))  # fmt: skip
     prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(recipe.seed)
-    keep_freed_memory()
+    tune_allocator()
     net = network(CHANNELS[recipe.modality], prior)
     run = f"{recipe.name}-{recipe.seed}" + (f"-{network.__name__}" if network is not FilterNet else "")
     if recipe.start_from:

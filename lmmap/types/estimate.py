@@ -34,8 +34,8 @@ class Estimate:
         The port in the camera's frame; None unless the status is ``ok``.
     rival : Pose or None
         The best pose with the circle's other normal.
-    paper : Pose or None
-        The paper's formula on the same ellipse and markers.
+    printed : Pose or None
+        The pose by the formula as the paper prints it, on the same ellipse and markers.
     ellipse : Ellipse or None
         The ring's contour, free of lens distortion.
     arc_coverage : float
@@ -57,7 +57,7 @@ class Estimate:
     status: Status
     T_cam_port: Pose | None = None
     rival: Pose | None = None
-    paper: Pose | None = None
+    printed: Pose | None = None
     ellipse: Ellipse | None = None
     arc_coverage: float = 0.0
     marker_score: float = 0.0

@@ -54,18 +54,22 @@ class Pose:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Poses ``T_cam_port`` at strictly increasing times ``t_us (N,)``."""
+    """Poses ``T_a_b`` of one frame in another at strictly increasing times ``t_us (N,)``.
+
+    Which frames, its holder says: of a recording's truth and of estimates it is ``T_cam_port``, of an arm
+    ``T_root_tip``.
+    """
 
     t_us: np.ndarray
-    T_cam_port: Pose
+    poses: Pose
 
     def __post_init__(self):
         try:
             object.__setattr__(self, "t_us", frozen_array(self.t_us, np.int64))
         except OverflowError:
             raise ValueError("Trajectory: t_us: expected times that fit 64 bits of microseconds") from None
-        if len(self.t_us) != len(self.T_cam_port):
-            raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.T_cam_port)} poses")
+        if len(self.t_us) != len(self.poses):
+            raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.poses)} poses")
         if np.any(np.diff(self.t_us) <= 0):
             raise ValueError("Trajectory: times must increase strictly")
 
@@ -80,7 +84,7 @@ class Trajectory:
         if t.size and (t.min() < self.t_us[0] or t.max() > self.t_us[-1]):
             raise ValueError(f"Trajectory: asked outside [{self.t_us[0]}, {self.t_us[-1]}] us")
         seconds = (self.t_us - self.t_us[0]) * 1e-6
-        rotations = Slerp(seconds, Rotation.from_matrix(self.T_cam_port.rotation))
+        rotations = Slerp(seconds, Rotation.from_matrix(self.poses.rotation))
         s = (t - self.t_us[0]) * 1e-6
-        position = np.stack([np.interp(s, seconds, c) for c in self.T_cam_port.position_m.T], -1)
+        position = np.stack([np.interp(s, seconds, c) for c in self.poses.position_m.T], -1)
         return Pose(rotations(s).as_matrix(), position)

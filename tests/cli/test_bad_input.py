@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lmmap.cli import main
-from lmmap.pipeline.weights import load_filter, weight_path
+from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.provenance import DATA, ROOT
 from lmmap.recordings.formats import WRITERS, open_recording, write_recording
 from lmmap.types import EVENT, Camera, Recording
@@ -234,4 +234,4 @@ def test_nothing_in_the_module_can_unpickle():
 
 def test_a_shipped_weight_file_loads():
     """What the tests above refuse is refused for what is in it."""
-    assert load_filter(weight_path("ring", "event"), "event").modality == "event"
+    assert load_network(weight_path("ring", "event"), "event").modality == "event"

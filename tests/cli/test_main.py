@@ -19,7 +19,7 @@ from test_bad_input import write_camera
 from lmmap.bench import laboratory
 from lmmap.cli import arguments, choices, main, progress
 from lmmap.pipeline import run as pipeline
-from lmmap.pipeline.estimator import Estimator, fitting
+from lmmap.pipeline.estimator import Estimator, settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
 from lmmap.provenance import DATA, ROOT
@@ -221,9 +221,9 @@ def test_live_without_a_camera(capsys):
 
 def test_window_scales_with_the_sensor_unless_given():
     camera = Camera(640, 480, 500, 500, 320, 240)
-    assert fitting(camera).events_per_window == round(35_000 * 640 * 480 / (346 * 260))
-    assert fitting(camera, 1234).events_per_window == 1234
-    assert fitting(Camera.davis346()) == OURS
+    assert settings_for(camera).events_per_window == round(35_000 * 640 * 480 / (346 * 260))
+    assert settings_for(camera, 1234).events_per_window == 1234
+    assert settings_for(Camera.davis346()) == OURS
 
 
 def test_info_counts_faults_that_are_errors_elsewhere(tmp_path, capsys):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from lmmap.pages import gallery
-from lmmap.pipeline.run import images, shots
+from lmmap.pipeline.run import images, timed_images
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.types import Estimate, Status
@@ -51,7 +51,7 @@ def test_worst_come_first_and_misses_are_drawn_by_lot(tmp_path):
 
 def test_a_second_look_is_drawn_as_it_was_seen(tmp_path):
     folder = folder_of(tmp_path)
-    shot = [s for s in shots(open_recording(folder / "mini.h5"), "event", rate_hz=5) if s.wider][-1]
+    shot = [s for s in timed_images(open_recording(folder / "mini.h5"), "event", rate_hz=5) if s.wider][-1]
     t_us, image = shot.wider
     write_estimates([Estimate(t_us, Status.NO_RING)], folder / "estimates-mini-event.csv")
     rows = pd.DataFrame([{"sequence": "mini", "modality": "event", "label": "mini-event", "t_us": t_us}])

@@ -8,8 +8,8 @@ from strategies import cut, seeds
 
 from lmmap.pipeline.histograms import (
     histogram,
-    looks,
     scaled_count,
+    window_histograms,
     windows,
     windows_at,
     windows_before,
@@ -112,12 +112,12 @@ def test_looks_are_the_last_events_and_as_many_more():
     assert OURS.second_look_factor == 2
     e = np.zeros(8, EVENT)
     e["t_us"], e["x"] = 10 * np.arange(8), np.arange(8)
-    (first_us, few), (wider_us, many) = looks(e, 4, (8, 1))
+    (first_us, few), (wider_us, many) = window_histograms(e, 4, (8, 1))
     assert (first_us, wider_us) == (55, 35)
     assert few.tolist() == [[0, 0, 0, 0, 1, 1, 1, 1]] and many.tolist() == [[1] * 8]
-    assert len(looks(e, 4, (8, 1), after_us=34)) == 2
-    assert [t for t, _ in looks(e, 4, (8, 1), after_us=35)] == [55]  # times only rise
-    assert [t for t, _ in looks(e, 6, (8, 1))] == [45]  # not yet so many
+    assert len(window_histograms(e, 4, (8, 1), after_us=34)) == 2
+    assert [t for t, _ in window_histograms(e, 4, (8, 1), after_us=35)] == [55]  # times only rise
+    assert [t for t, _ in window_histograms(e, 6, (8, 1))] == [45]  # not yet so many
 
 
 def test_the_papers_count_is_kept_per_pixel():

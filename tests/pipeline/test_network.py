@@ -7,8 +7,8 @@ import torch
 from lmmap.pipeline.network import (
     CHANNELS,
     RECEPTIVE_RADIUS_PX,
-    Filter,
     FilterNet,
+    MaskNetwork,
     best_precision,
     crop_bounds,
     encode,
@@ -20,7 +20,7 @@ from lmmap.pipeline.weights import (
     FILTERS,
     WEIGHTS,
     load_card,
-    load_filter,
+    load_network,
     save_weights,
     shipped_gaps,
     weight_path,
@@ -63,7 +63,7 @@ def test_locality():
 
 
 def test_crop_equals_full_frame_and_a_smaller_margin_does_not(rng):
-    filter_ = Filter(net(), "event", "float32")
+    filter_ = MaskNetwork(net(), "event", "float32")
     image = rng.integers(0, 6, (260, 346))
     full = filter_(image)
     low, high = np.array([101, 83]), np.array([190, 150])
@@ -93,7 +93,7 @@ def test_bfloat16_finds_the_same_mask(modality):
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
     _, image = list(images(recording, modality))[10]
     path = weight_path("ring", modality)
-    plain, fast = (load_filter(path, modality, p)(image) for p in ("float32", "bfloat16"))
+    plain, fast = (load_network(path, modality, p)(image) for p in ("float32", "bfloat16"))
     assert fast.dtype == np.float32
     assert ((plain > 0.5) & (fast > 0.5)).sum() >= 0.98 * ((plain > 0.5) | (fast > 0.5)).sum() > 0
 
@@ -102,16 +102,16 @@ def test_precision_is_one_that_the_processor_has_or_that_was_asked_for(monkeypat
     monkeypatch.setenv("LMMAP_PRECISION", "float32")
     assert best_precision() == "float32"
     monkeypatch.delenv("LMMAP_PRECISION")
-    assert Filter(net(), "event").precision == best_precision() in ("float32", "bfloat16")
-    assert Filter(net(), "event", "float32").precision == "float32"
+    assert MaskNetwork(net(), "event").precision == best_precision() in ("float32", "bfloat16")
+    assert MaskNetwork(net(), "event", "float32").precision == "float32"
     with pytest.raises(ValueError, match="float64"):
-        Filter(net(), "event", "float64")
+        MaskNetwork(net(), "event", "float64")
 
 
 @pytest.mark.parametrize("size", [(1, 1), (61, 480), (480, 640)])
 def test_any_size_works_and_a_padded_image_gives_the_same_mask(size, rng):
     """Sizes never trained on: repeating the edges right and below, as the net does, changes nothing."""
-    filter_, image = Filter(net(), "event", "float32"), rng.integers(0, 6, size)
+    filter_, image = MaskNetwork(net(), "event", "float32"), rng.integers(0, 6, size)
     mask = filter_(image)
     whole = np.pad(image, [(0, -n % 8) for n in size], mode="edge")
     assert mask.shape == size
@@ -136,34 +136,34 @@ def test_weights_round_trip_in_half_precision(tmp_path, rng):
     save_weights(model, path, {"command": "none"})
     image = rng.integers(0, 6, (64, 64))
     assert load_card(path)["command"] == "none"
-    loaded = load_filter(path, "event", "float32")
-    assert np.abs(loaded(image) - Filter(model, "event", "float32")(image)).max() < 0.02
+    loaded = load_network(path, "event", "float32")
+    assert np.abs(loaded(image) - MaskNetwork(model, "event", "float32")(image)).max() < 0.02
 
 
 def test_damaged_weights_are_one_clear_error(tmp_path):
     path = tmp_path / "w.safetensors"
     with pytest.raises(InputError, match="no readable weights"):
-        load_filter(path, "event")
+        load_network(path, "event")
     save_weights(net(), path, {})
     with pytest.raises(InputError, match="another architecture"):
-        load_filter(path, "rgb")
+        load_network(path, "rgb")
     whole = path.read_bytes()
     for length in (0, 5, 200, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
         with pytest.raises(InputError, match="no readable weights"):
-            load_filter(path, "event")
+            load_network(path, "event")
     path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
     with pytest.raises(InputError, match="hash differs"):
-        load_filter(path, "event")
+        load_network(path, "event")
     broken = net()
     torch.nn.init.constant_(broken.down[0].bias, torch.nan)
     save_weights(broken, path, {})
     with pytest.raises(InputError, match="not finite"):
-        load_filter(path, "event")
+        load_network(path, "event")
 
 
 def test_bad_images():
-    filter_ = Filter(net(), "event")
+    filter_ = MaskNetwork(net(), "event")
     with pytest.raises(ValueError, match="shape"):
         filter_(np.zeros((8, 8, 3)))
     with pytest.raises(ValueError, match="shape"):
@@ -184,7 +184,7 @@ def test_weights_of_every_modality_and_filter_ship():
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)
 def test_shipped_weights_load_and_say_how_they_were_made(path):
     name, modality, gap = path.stem.split("-")
-    load_filter(path, modality)
+    load_network(path, modality)
     card = load_card(path)
     assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality} --domain-gap {gap}")
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]

@@ -12,8 +12,16 @@ from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator, markers_box_px
-from lmmap.pipeline.network import Filter
-from lmmap.pipeline.run import Shot, answered, estimate, images, looked, shots, true_poses
+from lmmap.pipeline.network import MaskNetwork
+from lmmap.pipeline.run import (
+    TimedImage,
+    estimate,
+    estimate_image,
+    estimate_images,
+    images,
+    timed_images,
+    true_poses,
+)
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
@@ -48,7 +56,7 @@ def test_poses_are_near_the_truth_and_the_printed_formula_is_further(recording, 
     ok = np.array([e.status == Status.OK for e in known])
     seen = in_view(truth, answers[0].port, recording.camera)
     assert ok[seen].mean() > 0.7
-    ours = [(e.T_cam_port, e.paper, t) for e, t in zip(known, truth, strict=True) if e.status == Status.OK]
+    ours = [(e.T_cam_port, e.printed, t) for e, t in zip(known, truth, strict=True) if e.status == Status.OK]
     position = np.median([position_error_m(a, t) for a, _, t in ours])
     normal, printed = (np.median([normal_error_rad(p[i], p[2]) for p in ours]) for i in (0, 1))
     assert position < 0.015
@@ -63,12 +71,12 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
     assert again.status == found[7].status
     if again.T_cam_port is not None:
         # equal bits; but in float32 sums go by where arrays lie in memory
-        atol = 1e-6 if estimator.ring_filter.precision == "float32" else 0
+        atol = 1e-6 if estimator.ring_network.precision == "float32" else 0
         assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=atol)
 
 
 def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_sure_of(recording):
-    estimator, T = Estimator(modality="rgb"), recording.truth.T_cam_port[0]
+    estimator, T = Estimator(modality="rgb"), recording.truth.poses[0]
     ring = ideal_masks(T, estimator.port, recording.camera)[0]
     mask = np.float32(0.6) * ring
     mask[2:30, 2:30] = 1.0
@@ -81,18 +89,18 @@ def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_
 
 def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):
     estimator = Estimator(modality="rgb")
-    pose = recording.truth.T_cam_port[:1]
+    pose = recording.truth.poses[:1]
     ellipse = circle_ellipse(pose[0], estimator.port.ring_radius_m, recording.camera)
     crop = estimator.find_reflectors(recording.frames[0], estimator.candidates(ellipse))
-    full = estimator.reflector_filter(recording.frames[0])
+    full = estimator.reflector_network(recording.frames[0])
     low, high = (np.round(x).astype(int) for x in markers_box_px(pose, estimator.port, recording.camera))
     inside = np.s_[low[1] : high[1], low[0] : high[0]]
-    assert isinstance(estimator.reflector_filter, Filter)
+    assert isinstance(estimator.reflector_network, MaskNetwork)
     assert crop[inside].max() > 0.5 and np.abs(crop[inside] - full[inside]).max() < 1e-5
 
 
 def test_the_markers_box_holds_them_at_any_yaw_and_no_more_than_it_must(recording):
-    port, camera, pose = Port.lm_map(), recording.camera, recording.truth.T_cam_port[0]
+    port, camera, pose = Port.lm_map(), recording.camera, recording.truth.poses[0]
     turned = pose.rotation @ rotation_z(np.deg2rad(np.arange(0, 120, 0.5)))
     corners = project(
         Pose(turned, np.tile(pose.position_m, (240, 1)))[:, None, None] @ port.marker_corners_m(), camera
@@ -107,15 +115,15 @@ def test_the_markers_box_holds_them_at_any_yaw_and_no_more_than_it_must(recordin
 
 def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it():
     def shots():
-        yield from (Shot(t, np.full((2, 2), t)) for t in range(7))
+        yield from (TimedImage(t, np.full((2, 2), t)) for t in range(7))
         raise InputError("the file ends here")
 
     seen = []
     with pytest.raises(InputError, match="ends here"):
-        for image, answer in answered(shots(), lambda image, t_us: Estimate(t_us, Status.NO_RING)):
+        for image, answer in estimate_images(shots(), lambda image, t_us: Estimate(t_us, Status.NO_RING)):
             seen.append((int(image[0, 0]), answer.t_us))
     assert seen == [(t, t) for t in range(7)]
-    assert list(answered([], None)) == []
+    assert list(estimate_images([], None)) == []
 
 
 def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
@@ -137,8 +145,10 @@ def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
         (0, None, 9),
     ):
         asked.clear()
-        shot = Shot(9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None)
-        image, one = looked(estimator, shot)
+        shot = TimedImage(
+            9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None
+        )
+        image, one = estimate_image(estimator, shot)
         assert one.t_us == taken and one.t_us in shot.times_us
         assert one.status == statuses[image[0, 0]] and image[0, 0] == (wider if taken == 5 else first)
         assert asked == ([9] if first == 2 or wider is None else [9, 5])
@@ -146,7 +156,7 @@ def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
 
 @pytest.mark.parametrize("rate_hz", [None, 5.0, 10.0])
 def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_hz):
-    some = list(shots(recording, "event", rate_hz=rate_hz))
+    some = list(timed_images(recording, "event", rate_hz=rate_hz))
     assert [(s.t_us, s.image.sum()) for s in some] == [
         (t_us, image.sum()) for t_us, image in images(recording, "event", rate_hz=rate_hz)
     ]
@@ -157,7 +167,7 @@ def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_h
         assert b.wider[1].sum() == OURS.second_look_factor * b.image.sum() and np.all(b.wider[1] >= b.image)
         if rate_hz is None:
             assert np.all(b.wider[1] <= a.image + b.image)
-    assert all(s.wider is None for s in shots(recording, "rgb"))
+    assert all(s.wider is None for s in timed_images(recording, "rgb"))
 
 
 def test_dark_and_noise_have_no_ring(rng):

@@ -62,9 +62,7 @@ def test_round_trip_is_exact(tmp_path_factory, seed, events, frames, suffix):
     back = open_recording(path)
     assert_same(original, back)
     np.testing.assert_array_equal(back.truth.t_us, original.truth.t_us)
-    np.testing.assert_allclose(
-        back.truth.T_cam_port.position_m, original.truth.T_cam_port.position_m, rtol=1e-11
-    )
+    np.testing.assert_allclose(back.truth.poses.position_m, original.truth.poses.position_m, rtol=1e-11)
     assert not (back.events.flags.writeable or back.frames.flags.writeable)
 
 

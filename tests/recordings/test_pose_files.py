@@ -36,7 +36,7 @@ def test_trajectory_round_trip(tmp_path_factory, seed, count, start_us, form):
     write_trajectory(original, path, form)
     back = read_trajectory(path)
     np.testing.assert_array_equal(back.t_us, original.t_us)
-    assert_same_pose(back.T_cam_port, original.T_cam_port)
+    assert_same_pose(back.poses, original.poses)
 
 
 def test_tum_is_the_camera_in_the_ports_frame(tmp_path):
@@ -70,7 +70,7 @@ def test_estimates_round_trip(tmp_path_factory, seed):
     back = read_estimates(path)
     for a, b in zip(original, back, strict=True):
         assert (a.t_us, a.status) == (b.t_us, b.status)
-        for name in ("T_cam_port", "rival", "paper"):
+        for name in ("T_cam_port", "rival", "printed"):
             assert (getattr(a, name) is None) == (getattr(b, name) is None)
             if getattr(a, name) is not None:
                 assert_same_pose(getattr(a, name), getattr(b, name))
@@ -97,7 +97,7 @@ def test_first_columns_of_poses_csv(tmp_path):
 def test_trajectory_of_keeps_the_poses(tmp_path):
     found = trajectory_of(estimates(3))
     assert found.t_us.tolist() == [10**15, 10**15 + 7]
-    assert_same_pose(found.T_cam_port[0], estimates(3)[1].T_cam_port)
+    assert_same_pose(found.poses[0], estimates(3)[1].T_cam_port)
     assert len(trajectory_of([])) == 0
 
 

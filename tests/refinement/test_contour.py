@@ -109,7 +109,7 @@ def test_an_ellipse_traced_on_the_distorted_image_is_wrong():
 def test_sigma_is_the_scatter_of_the_points():
     rng, e = np.random.default_rng(0), Ellipse([150, 120], [60, 35], 0.5)
     points = e.points(400) + 0.3 * rng.standard_normal((400, 2))
-    assert contour.on_points(e, points).sigma_px == pytest.approx(0.3, rel=0.1)
+    assert contour.from_points(e, points).sigma_px == pytest.approx(0.3, rel=0.1)
     found = contour.trace(*_mask_with_scatter())
     distances = np.linalg.norm(found.points_px[:, None] - found.ellipse.points(4000), axis=-1).min(1)
     assert found.sigma_px == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.1)

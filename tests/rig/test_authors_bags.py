@@ -32,7 +32,7 @@ def brief(seconds: float = 0.4):
     kept = truth.t_us <= end_us + 100_000
     return replace(whole, events=whole.events[whole.events["t_us"] < end_us], frames=whole.frames[frames],
                    frames_t_us=whole.frames_t_us[frames],
-                   truth=Trajectory(truth.t_us[kept], truth.T_cam_port[kept]))  # fmt: skip
+                   truth=Trajectory(truth.t_us[kept], truth.poses[kept]))  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +81,8 @@ def test_the_truth_of_a_stand_in_is_the_benchs(folder):
     bag, recording = folder / "dataset_0307_notexture" / "dark__test.bag", brief()
     stream = open_stream(bag)
     truth = standin.RIG.truth(bag).at(recording.truth.t_us + standin.START_US)
-    np.testing.assert_allclose(truth.position_m, recording.truth.T_cam_port.position_m, atol=1e-9)
-    np.testing.assert_allclose(truth.rotation, recording.truth.T_cam_port.rotation, atol=1e-9)
+    np.testing.assert_allclose(truth.position_m, recording.truth.poses.position_m, atol=1e-9)
+    np.testing.assert_allclose(truth.rotation, recording.truth.poses.rotation, atol=1e-9)
     again = stream.collect()
     assert np.array_equal(again.frames, recording.frames) and len(again.events) == len(recording.events)
     assert set(authors_bags.bag_contents(bag)["topics"]) == {

@@ -119,7 +119,7 @@ def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
     assert again.calibration == rig.calibration and again.port.ring_radius_m == pytest.approx(0.09)
     truth = again.truth(path)
     wanted = rig.T_cam_root @ ur5e.forward(JOINTS) @ rig.T_tip_port
-    np.testing.assert_allclose(truth.T_cam_port.position_m, wanted.position_m, atol=1e-12)
+    np.testing.assert_allclose(truth.poses.position_m, wanted.position_m, atol=1e-12)
     assert np.array_equal(truth.t_us, T_US - 16_000)  # the arm's clock is ahead
     (tmp_path / "rig.json").write_text(json.dumps({"root": "a"}))
     assert "rig.json: not a rig" in line(Rig.load, tmp_path / "rig.json")

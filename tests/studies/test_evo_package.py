@@ -23,7 +23,7 @@ def walk(count, seed) -> Trajectory:
 
 def disturbed(truth: Trajectory, seed) -> Trajectory:
     """Drifting, noisy, scaled, moved as a whole, at other times within 9 ms."""
-    rng, T = np.random.default_rng(seed + 1), truth.T_cam_port.inverse
+    rng, T = np.random.default_rng(seed + 1), truth.poses.inverse
     small = Rotation.from_rotvec(rng.normal(0, 0.02, (len(truth), 3))).as_matrix()
     position = T.position_m + np.cumsum(rng.normal(0, 0.002, (len(truth), 3)), axis=0)
     world = Pose(Rotation.from_rotvec(rng.normal(size=3)).as_matrix(), rng.normal(size=3))
@@ -33,11 +33,11 @@ def disturbed(truth: Trajectory, seed) -> Trajectory:
 
 def without(trajectory: Trajectory, start, stop) -> Trajectory:
     kept = np.r_[0:start, stop : len(trajectory)]
-    return Trajectory(trajectory.t_us[kept], trajectory.T_cam_port[kept])
+    return Trajectory(trajectory.t_us[kept], trajectory.poses[kept])
 
 
 def as_evo(trajectory: Trajectory) -> PoseTrajectory3D:
-    T = trajectory.T_cam_port.inverse
+    T = trajectory.poses.inverse
     wxyz = np.roll(T.quaternion_xyzw, 1, axis=-1)
     return PoseTrajectory3D(T.position_m.copy(), wxyz, trajectory.t_us * 1e-6)
 

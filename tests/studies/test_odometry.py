@@ -27,12 +27,12 @@ def track(count=120, seed=0) -> Trajectory:
 
 
 def as_estimates(trajectory: Trajectory) -> list[Estimate]:
-    poses = (trajectory.T_cam_port[k] for k in range(len(trajectory)))
+    poses = (trajectory.poses[k] for k in range(len(trajectory)))
     return [Estimate(t, Status.OK, T) for t, T in zip(trajectory.t_us.tolist(), poses, strict=True)]
 
 
 def turned(trajectory: Trajectory, turns) -> Trajectory:
-    T = trajectory.T_cam_port
+    T = trajectory.poses
     return Trajectory(
         trajectory.t_us, Pose(T.rotation @ rotation_z(PORT.yaw_period_rad * turns), T.position_m)
     )
@@ -45,8 +45,8 @@ def test_continuous_yaw_undoes_any_choice_of_markers(seed):
     turns = np.random.default_rng(seed).integers(0, 3, len(original))
     back = odometry.continuous_yaw(turned(original, turns), PORT.yaw_period_rad)
     expected = turned(original, np.full(len(original), turns[0]))
-    np.testing.assert_allclose(back.T_cam_port.rotation, expected.T_cam_port.rotation, atol=1e-9)
-    np.testing.assert_array_equal(back.T_cam_port.position_m, original.T_cam_port.position_m)
+    np.testing.assert_allclose(back.poses.rotation, expected.poses.rotation, atol=1e-9)
+    np.testing.assert_array_equal(back.poses.position_m, original.poses.position_m)
 
 
 @settings(max_examples=10, deadline=None)
@@ -56,13 +56,13 @@ def test_the_nearest_yaw_is_the_references(seed):
     turns = np.random.default_rng(seed).integers(0, 3, len(truth))
     back = odometry.nearest_yaw(turned(truth, turns), cut(truth, 3, 90), PORT.yaw_period_rad)
     np.testing.assert_array_equal(back.t_us, truth.t_us[3:90])
-    np.testing.assert_allclose(back.T_cam_port.rotation, truth.T_cam_port.rotation[3:90], atol=1e-9)
+    np.testing.assert_allclose(back.poses.rotation, truth.poses.rotation[3:90], atol=1e-9)
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_continuous_yaw_of_almost_nothing(count):
     few = track(5)
-    few = Trajectory(few.t_us[:count], few.T_cam_port[:count])
+    few = Trajectory(few.t_us[:count], few.poses[:count])
     assert len(odometry.continuous_yaw(few, PORT.yaw_period_rad)) == count
 
 
@@ -71,7 +71,7 @@ def test_continuous_yaw_of_almost_nothing(count):
 def test_scaled_and_ambiguous_truth_has_no_error(seed, scale):
     """Scale is aligned and yaw's multiple cancels: what is left of the camera's true path is nothing."""
     truth = track(seed=seed)
-    T_port_cam = truth.T_cam_port.inverse
+    T_port_cam = truth.poses.inverse
     scaled = Pose(T_port_cam.rotation, scale * T_port_cam.position_m).inverse
     turns = np.random.default_rng(seed).integers(0, 3, len(truth))
     found = odometry.camera_track(as_estimates(turned(Trajectory(truth.t_us, scaled), turns)), PORT)
@@ -83,7 +83,7 @@ def test_noise_shows_as_much_as_it_is():
     """Independent errors of s in each coordinate at both ends: RMS s sqrt(6), at every length."""
     truth, sigma = track(400), 0.001
     rng = np.random.default_rng(0)
-    T_port_cam = truth.T_cam_port.inverse
+    T_port_cam = truth.poses.inverse
     noisy = Pose(T_port_cam.rotation, T_port_cam.position_m + rng.normal(0, sigma, (400, 3))).inverse
     table = odometry.score([Trajectory(truth.t_us, noisy)], truth)
     rms = table.groupby("length_m").position_error_m.apply(lambda e: np.sqrt((e**2).mean()))
@@ -92,20 +92,20 @@ def test_noise_shows_as_much_as_it_is():
 
 
 def cut(trajectory, start, stop=None) -> Trajectory:
-    return Trajectory(trajectory.t_us[start:stop], trajectory.T_cam_port[start:stop])
+    return Trajectory(trajectory.t_us[start:stop], trajectory.poses[start:stop])
 
 
 def test_the_reference_is_interpolated():
     """A reference at a third of the rate, beside the track's times, costs next to nothing."""
     truth = track(1200)
-    coarse = Trajectory(truth.t_us[::3], truth.T_cam_port[::3])
+    coarse = Trajectory(truth.t_us[::3], truth.poses[::3])
     table = odometry.score([cut(truth, 1, 1195)], coarse)
     assert table.position_error_m.max() < 1e-4
 
 
 def test_each_track_has_its_own_scale_and_place():
     truth = track(400)
-    T = truth.T_cam_port[200:].inverse
+    T = truth.poses[200:].inverse
     elsewhere = Pose(np.diag([1.0, -1, -1]), np.array([1.0, 2, 3])) @ Pose(T.rotation, 7 * T.position_m)
     second = Trajectory(truth.t_us[200:], elsewhere.inverse)
     table = odometry.score([cut(truth, 0, 200), second], truth)
@@ -123,7 +123,7 @@ def test_why_a_trajectory_has_no_score():
     line = Pose(np.tile(np.eye(3), (400, 1, 1)), np.outer(np.arange(400.0), [1, 0, 0]))
     cases = {
         "holds no pose": [],
-        "outside the reference's": [Trajectory(truth.t_us + 10**9, truth.T_cam_port)],
+        "outside the reference's": [Trajectory(truth.t_us + 10**9, truth.poses)],
         "too short: 39 poses": [cut(truth, 0, 39)],
         "lie on a line": [Trajectory(truth.t_us, line)],
         "no stretch of path reaches": [Trajectory(1000 * np.arange(60), truth.at(1000 * np.arange(60)))],

@@ -77,7 +77,7 @@ def test_camera_and_truth_are_exported(exported, mini):
     assert Camera.load(exported / "camera.json") == mini.camera
     truth = read_trajectory(exported / "truth.tum")
     np.testing.assert_array_equal(truth.t_us, mini.truth.t_us)
-    np.testing.assert_allclose(truth.T_cam_port.position_m, mini.truth.T_cam_port.position_m, atol=1e-9)
+    np.testing.assert_allclose(truth.poses.position_m, mini.truth.poses.position_m, atol=1e-9)
 
 
 def test_an_event_frame_keeps_the_count_of_events_and_no_polarity(mini):

@@ -6,7 +6,7 @@ from strategies import PORT
 
 from lmmap.geometry.rotations import rotation_z
 from lmmap.settings import OURS
-from lmmap.tracking.outliers import certain, outlier_filter
+from lmmap.tracking.outliers import is_certain, outlier_filter
 from lmmap.types import Estimate, Pose, Status
 
 PERIOD = PORT.yaw_period_rad
@@ -66,4 +66,4 @@ def test_certain_is_what_promises_to_be_right_in_95_of_100():
         limits = [position * OURS.right_position_m] * 3 + [turn * OURS.right_normal_rad] * 2
         S = np.diag([*limits, 9.0]) / 1.9601  # yaw does not count
         promised.append(Estimate(0, Status.OK, T, covariance=S**2))
-    assert certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]
+    assert is_certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]

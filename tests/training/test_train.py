@@ -184,7 +184,7 @@ def test_learns_a_bright_square_and_says_how(toy, modality):
     assert card["bench"] == "toy"
     assert "step 40 of 40" in lines[-1]
     image = dataset.Samples(["augmented-4"], "ring", modality, toy).image(0)
-    assert weights.load_filter(path, modality)(image).shape == SHAPE
+    assert weights.load_network(path, modality)(image).shape == SHAPE
 
 
 def test_a_run_may_start_from_other_weights(toy):
