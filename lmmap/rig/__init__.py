@@ -1,2 +1,6 @@
-"""The laboratory's rig: how camera, arm and port hang together, calibrated and read from the
-authors' bags."""
+"""The rig of the authors' laboratory: a camera beside a UR5e that carries the port, and its calibration.
+
+Read `rig` (how camera, arm and port hang together), `ur5e` and `tf` (the arm's motion), `hand_eye_starts`,
+`hand_eye` and `calibration` (a rig from detections), `checkerboard` (a camera's intrinsics); then
+`authors_bags` (what the authors' data set holds) and `standin` (bags of the bench in its place).
+"""

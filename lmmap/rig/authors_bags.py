@@ -1,7 +1,7 @@
-"""The authors' published recordings: what they are, what a bag's name says, what a folder of them holds.
+"""The authors' bags: what their data set holds, what a bag's name says, which bags of a folder are usable.
 
-From the data set's public description.  Which lamps its words dark, normal, light and mixed stand for is
-not in it: `WORDS` is our reading.
+All of it is from the data set's public description.  The description does not say which lamps its words dark,
+normal, light and mixed stand for: `LIGHT_LEVELS` is our reading.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from . import rig, tf
 HANDLE = "https://hdl.handle.net/2123/33938"
 EVENTS, FRAMES, TF, STATES = "/dvs/events", "/dvs/image_raw", "/tf", "/joint_states"
 HAND_EYE = "camera-to-robot-calibration_dvs.yaml"
-STUDIES = (  # study, what it needs, how large
+STUDIES = (  # study, bags that it needs, their size
     ("table, test", "dataset_0307_notexture (testing), test_datasets_additional", "over 6 GB a bag"),
     ("table, low domain gap (training)", "dataset_0307, dataset_0307_notexture (training)", "not stated"),
     ("table, high domain gap (training)", "dataset_0307 (its two texture covers)", "not stated"),
@@ -28,7 +28,7 @@ STUDIES = (  # study, what it needs, how large
     ("ground truth", HAND_EYE, "some hundred bytes"),
     ("intrinsics", "the raw calibration bags", "not stated"),
 )
-WORDS = {"dark": "low", "normal": "medium", "light": "high", "mixed": "mixed"}
+LIGHT_LEVELS = {"dark": "low", "normal": "medium", "light": "high", "mixed": "mixed"}
 LAMPS = re.compile(r"T(\d+)_RA_(\d+)_ES_([01])(?:_(\w+))?", re.I)
 ROLE = re.compile(r"(?:.*_)?(dark|light|mixed|normal)__(train|test|hard)", re.I)
 EMPTY, CALIBRATION = re.compile(r"no[_-]?port|empty", re.I), re.compile(r"calib|checker|chess", re.I)
@@ -39,8 +39,11 @@ EXPECTED = (
 
 @dataclass(frozen=True)
 class AuthorsBag:
-    """A bag by its name and folder: ``role`` is train, test, hard, empty or calibration; ``light`` is low,
-    medium, high or mixed; ``textured`` says that the satellite wears one of the training covers."""
+    """What the name and the folder of one of the authors' bags say.
+
+    ``role`` is train, test, hard, empty or calibration; ``light`` is low, medium, high or mixed;
+    ``textured`` says that the satellite has one of the covers for training.
+    """
 
     path: Path
     role: str
@@ -51,14 +54,14 @@ class AuthorsBag:
 
 
 def describe_bag(path) -> AuthorsBag:
-    """What a bag's name and folder say; raises `InputError` if that is nothing.
+    """What a bag's name and folder say; raises `InputError` if they say nothing.
 
-    The numbers of the lamps count before the words: any sunlight is high light, earthshine alone medium.
+    The lamps' numbers decide before the words: any sunlight is high light, earthshine alone is medium light.
     """
     path = Path(path)
     stem, folder = path.stem, path.parent.name
     lamps, named_role = LAMPS.search(stem), ROLE.fullmatch(stem)
-    light = WORDS[named_role[1].lower()] if named_role else None
+    light = LIGHT_LEVELS[named_role[1].lower()] if named_role else None
     trajectory = percent = None
     if lamps:
         trajectory, percent = int(lamps[1]), int(lamps[2])
@@ -74,7 +77,7 @@ def describe_bag(path) -> AuthorsBag:
         role = next((r for r in ("hard", "test") if r in words), "train")
     else:
         raise InputError(
-            f"{path}: its name says neither light nor purpose; name it as published ({EXPECTED})"
+            f"{path}: its name says neither light nor purpose; name it as the authors did ({EXPECTED})"
         )
     textured = role == "train" and "notexture" not in f"{folder}/{stem}".lower()
     return AuthorsBag(path, role, light, trajectory, percent, textured)
@@ -84,27 +87,26 @@ def list_bags(folder) -> list[Path]:
     """All bags below a folder, by name; raises `InputError` if there is none."""
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; give the one with the published bags")
-    found = sorted(folder.rglob("*.bag"))
-    if not found:
+        raise InputError(f"{folder}: no such folder; give the one with the authors' bags")
+    paths = sorted(folder.rglob("*.bag"))
+    if not paths:
         packed = len([*folder.rglob("*.tar"), *folder.rglob("*.tar.gz")])
-        what = (
-            f"{packed} archives but no bag; unpack them (tar xf)" if packed else "no bag; see lmmap dataset"
-        )
-        raise InputError(f"{folder}: holds {what}")
-    return found
+        if packed:
+            raise InputError(f"{folder}: holds {packed} archives but no bag; unpack them (tar xf)")
+        raise InputError(f"{folder}: holds no bag; see lmmap dataset")
+    return paths
 
 
 def hand_eye_file(folder, deep: bool = True) -> Path | None:
-    """The hand-eye calibration of the DAVIS in a folder, or anywhere below it."""
+    """The hand-eye calibration of the DAVIS in a folder, or (``deep``) anywhere below it."""
     for pattern in (HAND_EYE, "*camera-to-robot*.y*ml", "*hand*eye*.y*ml"):
-        if found := sorted(Path(folder).rglob(pattern) if deep else Path(folder).glob(pattern)):
-            return found[0]
+        if paths := sorted(Path(folder).rglob(pattern) if deep else Path(folder).glob(pattern)):
+            return paths[0]
     return None
 
 
 def check_bags(folder) -> Iterator[dict]:
-    """For each bag, in order: what it is, whether it is whole, and ``problem``, empty if it is usable."""
+    """Yield for each bag, in order, what it is and ``problem``, which is empty if the bag is usable."""
     hand_eye = hand_eye_file(folder)
     for path in list_bags(folder):
         row = {"bag": str(path.relative_to(folder)), "gigabytes": path.stat().st_size / 1e9, "role": "",
@@ -114,21 +116,21 @@ def check_bags(folder) -> Iterator[dict]:
             row |= {"seconds": facts["seconds"], "whole": True}
             bag = describe_bag(path)
             row |= {"role": bag.role, "light": bag.light or ""}
-            _usable(bag, facts, hand_eye)
+            _require_contents(bag, facts, hand_eye)
         except InputError as error:
             row["problem"] = str(error).removeprefix(f"{path}: ")
         yield row
 
 
 def bag_contents(path) -> dict:
-    """Seconds, and messages by topic, from a bag's index; raises `InputError` where it is not whole."""
+    """A bag's seconds and its topics' messages, by its index; raises `InputError` if it is cut short."""
     with open_bag(path) as bag:
         topics = {name: (t.msgtype, t.msgcount) for name, t in bag.topics.items()}
         return {"seconds": bag.duration * 1e-9, "topics": topics}
 
 
-def _usable(bag: AuthorsBag, facts: dict, hand_eye: Path | None) -> None:
-    """`InputError` if something is missing for the bag's purpose."""
+def _require_contents(bag: AuthorsBag, facts: dict, hand_eye: Path | None) -> None:
+    """Raise `InputError` if the bag lacks something that its purpose needs."""
     kinds = {kind for kind, count in facts["topics"].values() if count}
     has = {EVENTS: any(k.endswith("/EventArray") for k in kinds), FRAMES: bool(kinds & set(IMAGES))}
     if bag.role == "calibration":

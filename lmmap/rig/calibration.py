@@ -1,4 +1,4 @@
-"""A rig from detections: the port on the arm, the camera where that is not known, the ring's size."""
+"""Calibration of a rig from detections: the port on the arm, the ring's size, and if need be the camera."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from . import hand_eye
 from .rig import Rig
 from .ur5e import ArmMotion, ArmSamples
 
-DIFFERS_M, DIFFERS_RAD = 0.02, np.deg2rad(3.0)  # a hand-eye file this far from our own estimate is doubted
+DIFFERS_M, DIFFERS_RAD = (
+    0.02,
+    np.deg2rad(3.0),
+)  # a hand-eye file is doubted if it is this far from our own estimate
 
 
 @dataclass(frozen=True)
 class Detections:
-    """What one bag gives: poses ``T_cam_port`` (N,), their covariances (N, 6, 6), and the arm then."""
+    """Detections of one bag: poses ``T_cam_port`` (N,), covariances (N, 6, 6), and the arm at their times."""
 
     T_cam_port: Pose
     covariance: np.ndarray
@@ -25,14 +28,14 @@ class Detections:
 
 
 def collect_detections(estimates: list[Estimate], motion: ArmMotion) -> Detections:
-    """The estimates that have a pose while the arm ``T_root_tip`` reports."""
+    """The estimates with a pose at times at which the arm reports."""
     span = motion.t_us[[0, -1]]
-    some = [e for e in estimates if e.T_cam_port is not None and span[0] <= e.t_us <= span[1]]
-    usual = np.diag(np.repeat([hand_eye.SIGMA_M**2, hand_eye.SIGMA_RAD**2], 3))
-    covariance = [usual if e.covariance is None else e.covariance for e in some]
-    rotation = np.array([e.T_cam_port.rotation for e in some]).reshape(-1, 3, 3)
-    position_m = np.array([e.T_cam_port.position_m for e in some]).reshape(-1, 3)
-    arm = motion.sample([e.t_us for e in some])
+    detected = [e for e in estimates if e.T_cam_port is not None and span[0] <= e.t_us <= span[1]]
+    default = np.diag(np.repeat([hand_eye.SIGMA_M**2, hand_eye.SIGMA_RAD**2], 3))
+    covariance = [default if e.covariance is None else e.covariance for e in detected]
+    rotation = np.array([e.T_cam_port.rotation for e in detected]).reshape(-1, 3, 3)
+    position_m = np.array([e.T_cam_port.position_m for e in detected]).reshape(-1, 3)
+    arm = motion.sample([e.t_us for e in detected])
     return Detections(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
 
 
@@ -42,9 +45,9 @@ def calibrate_rig(bags: list[Detections], port: Port, ends: tuple[str, str],
 
     Parameters
     ----------
-    bags : what was detected, with ``port``
-    ends : the arm's (root, tip)
-    T_cam_root : from a hand-eye file, if there is one; it is then compared with an estimate of our own
+    bags : detections of each bag, estimated with ``port``
+    ends : names of the arm's (root, tip)
+    T_cam_root : from a hand-eye file, if there is one; our own estimate is then compared with it
 
     Returns
     -------
@@ -69,15 +72,16 @@ def calibrate_rig(bags: list[Detections], port: Port, ends: tuple[str, str],
         result = hand_eye.solve(*data, T_cam_root=T_cam_root)
     except ValueError as error:
         raise InputError(f"calibrate: {error}; give longer bags, or more of them") from None
-    facts = _facts(result, len(poses))
+    facts = _quality(result, len(poses))
     if T_cam_root:
-        facts |= _differs(data, T_cam_root)
+        facts |= _difference_from_file(data, T_cam_root)
     radius_m = port.ring_radius_m * result.scale
     facts["camera"] = "from the hand-eye file" if T_cam_root else "estimated"
     return Rig(*ends, result.T_cam_root, result.T_tip_port, radius_m, result.delay_s, facts)
 
 
-def _facts(result: hand_eye.HandEye, count: int) -> dict:
+def _quality(result: hand_eye.HandEye, count: int) -> dict:
+    """How well a calibration is known, in millimetres and degrees."""
     camera_m, camera_rad, port_m, port_rad = (np.linalg.norm(s) for s in result.sigma[:12].reshape(4, 3))
     return {
         "detections": count,
@@ -93,11 +97,11 @@ def _facts(result: hand_eye.HandEye, count: int) -> dict:
     }
 
 
-def _differs(data, known: Pose) -> dict:
+def _difference_from_file(data, known: Pose) -> dict:
     """How far a file's camera is from the one that the detections alone give."""
     try:
         free = hand_eye.solve(*data)
-    except ValueError:  # enough for the port, not for both
+    except ValueError:  # the detections decide the port, but not the camera as well
         return {}
     angle = rotation_angle_rad(free.T_cam_root.rotation @ known.rotation.T)
     distance_m = np.linalg.norm(free.T_cam_root.inverse.position_m - known.inverse.position_m)

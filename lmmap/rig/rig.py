@@ -1,7 +1,7 @@
-"""The laboratory's rig: how camera, arm and port hang together, as files, and the truth that follows.
+"""The laboratory's rig: how camera, arm and port hang together, as files, and the truth that follows from it.
 
-A rig is an arm's two ends by name, and what is fixed to them: the camera to ``root``, the port to ``tip``.
-With the camera beside the arm, root is the arm's base; with the camera on the arm, it is the effector.
+A rig names an arm's two ends: the camera is fixed to ``root``, the port to ``tip``.  If the camera stands
+beside the arm, the root is the arm's base; if the camera is on the arm, the root is its effector.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..types import InputError, Port, Pose, Trajectory
 from . import ur5e
 from .tf import arm_motion
 
-RIG_FILE = "rig.json"  # of a folder of bags
+RIG_FILE = "rig.json"  # in a folder of bags
 QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
 
 
@@ -26,7 +26,7 @@ QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
 class Rig:
     """``T_cam_port(t) = T_cam_root T_root_tip(t + delay) T_tip_port``, and the ring's radius.
 
-    ``calibration`` says from what, and how well.
+    ``calibration`` says from which recordings it was calibrated, and how well.
     """
 
     root: str
@@ -39,11 +39,11 @@ class Rig:
 
     @property
     def port(self) -> Port:
-        """The LM-MAP at the size of this ring."""
+        """The LM-MAP, scaled to this ring."""
         return scale_port(Port.lm_map(), self.ring_radius_m)
 
     def truth(self, path) -> Trajectory:
-        """``T_cam_port`` of a bag by the arm, at the camera's times; raises `InputError`."""
+        """``T_cam_port`` of a bag by its arm, at times of the camera's clock; raises `InputError`."""
         motion = arm_motion(path, self.root, self.tip)
         T = self.T_cam_root @ motion.T_root_tip @ self.T_tip_port
         return Trajectory(motion.t_us - round(self.delay_s * 1e6), T)
@@ -71,7 +71,7 @@ class Rig:
 
 
 def scale_port(port: Port, ring_radius_m: float) -> Port:
-    """The same port at another size."""
+    """The same port with a ring of another size."""
     s = ring_radius_m / port.ring_radius_m
     values = {n: v for n, v in vars(port).items() if n != "symmetry"}
     return replace(port, **{n: tuple(s * x for x in v) if isinstance(v, tuple) else s * v
@@ -80,9 +80,11 @@ def scale_port(port: Port, ring_radius_m: float) -> Port:
 
 @dataclass(frozen=True)
 class HandEyeFile:
-    """What a hand-eye file says: ``T_frame_cam``, the camera in an arm's frame.
+    """The content of a hand-eye file: ``T_frame_cam``, the camera in a frame of the arm.
 
-    ``on_arm`` tells whether that frame moves; ``base`` and ``effector`` name the arm's ends."""
+    That frame is the effector if the camera is ``on_arm``, else the base; ``base`` and ``effector`` are the
+    names of the arm's ends.
+    """
 
     T_frame_cam: Pose
     on_arm: bool
@@ -101,26 +103,26 @@ def read_hand_eye(path) -> HandEyeFile:
     Raises
     ------
     InputError
-        If it is neither; the line shows what was found.
+        If it is neither; the line shows what the file holds.
     """
     path = Path(path)
     try:
-        document = _document(path.read_text())
+        document = _parse_yaml(path.read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot read this file ({error}); give the hand-eye calibration") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(f"{path}: not YAML ({said:.100}); give the hand-eye calibration") from None
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: not YAML ({reason:.100}); give the hand-eye calibration") from None
     try:
-        return _easy_handeye(document) or _bare(document)
+        return _easy_handeye(document) or _find_matrix(document)
     except (ValueError, TypeError, KeyError, IndexError) as error:
         expected = "expected easy_handeye's transformation (x, y, z, qx, qy, qz, qw) or a 4 x 4 matrix"
-        raise InputError(f"{path}: no hand-eye calibration ({error}); it holds {_shown(document)}; "
+        raise InputError(f"{path}: no hand-eye calibration ({error}); it holds {_summary(document)}; "
                          f"{expected}") from None  # fmt: skip
 
 
-def _document(content: str):
-    """YAML without what OpenCV writes and no parser knows; aliases are refused, as they may never end."""
+def _parse_yaml(content: str):
+    """Parse YAML without OpenCV's own tags; aliases are refused, because they may be endless."""
     lines = [line for line in content.splitlines() if not line.startswith("%YAML")]
     plain = "\n".join(lines).replace("!!opencv-matrix", "")
     if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(plain, yaml.SafeLoader)):
@@ -132,7 +134,7 @@ def _easy_handeye(document) -> HandEyeFile | None:
     if not isinstance(document, dict) or not isinstance(document.get("transformation"), dict):
         return None
     t = document["transformation"]
-    about = next(part for part in (document.get("parameters"), document) if isinstance(part, dict))
+    names_from = next(part for part in (document.get("parameters"), document) if isinstance(part, dict))
     if missing := [name for name in (*QUATERNION, *POSITION) if name not in t]:
         raise ValueError(f"its transformation lacks {', '.join(missing)}")
     q, p = (np.array([float(t[name]) for name in names]) for names in (QUATERNION, POSITION))
@@ -140,12 +142,15 @@ def _easy_handeye(document) -> HandEyeFile | None:
         raise ValueError("its transformation is not finite")
     if abs(np.linalg.norm(q) - 1) > 1e-2:
         raise ValueError("its quaternion is not of unit length")
-    names = (about.get("robot_base_frame") or ur5e.BASE, about.get("robot_effector_frame") or ur5e.EFFECTOR)
+    names = (
+        names_from.get("robot_base_frame") or ur5e.BASE,
+        names_from.get("robot_effector_frame") or ur5e.EFFECTOR,
+    )
     T = Pose(Rotation.from_quat(q).as_matrix(), p)
-    return HandEyeFile(T, bool(about.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
+    return HandEyeFile(T, bool(names_from.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
 
 
-def _bare(document) -> HandEyeFile:
+def _find_matrix(document) -> HandEyeFile:
     """The first 4 x 4 matrix anywhere in the document."""
     waiting = [document]
     while waiting:
@@ -175,7 +180,7 @@ def _matrix(T: Pose) -> list:
     return np.vstack([np.column_stack([T.rotation, T.position_m]), [0, 0, 0, 1]]).tolist()
 
 
-def _shown(document) -> str:
+def _summary(document) -> str:
     if isinstance(document, dict):
         return f"keys {', '.join(map(str, document))}"
     return f"{type(document).__name__} {str(document)[:60]!r}"

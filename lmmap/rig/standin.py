@@ -1,7 +1,7 @@
-"""Stand-ins for the authors' recordings: bags of the same layout, topics and names, from the bench.
+"""Stand-ins for the authors' bags: recordings of the bench with the same layout, topics and names.
 
-A simulated UR5e carries the port as the bench moves it; how camera, arm and port hang together is drawn
-once (`RIG`) and written nowhere but, for the camera, into a hand-eye file: the rest is to be calibrated.
+A simulated UR5e carries the port as the bench moves it.  `RIG` says how camera, arm and port hang together.
+Of it only the camera is written, into a hand-eye file; the rest is for a calibration to find.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from . import authors_bags, tf, ur5e
 from .rig import Rig
 from .ur5e import ArmMotion
 
-ARM_HZ = 125  # as the arm's driver
-SAMPLES = 3  # of a pixel of the checkerboard, each way
-START_US = 1_000_000_000  # bags have no time zero
-# the arm stands below the port, where it reaches all of the tests' minute: z of its base is the camera's -y
+ARM_HZ = 125  # rate of the arm's driver
+SAMPLES = 3  # rays in a pixel of the checkerboard, along each axis
+START_US = 1_000_000_000  # a bag's time must not be zero
+# the arm stands below the port, where it reaches a minute of the test sequences: its z is the camera's -y
 _FACING = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 _MOUNT = Rotation.from_euler("xyz", [3.0, -2.0, 17.0], degrees=True).as_matrix()
 RIG = Rig(ur5e.BASE, ur5e.EFFECTOR, Pose(_FACING @ rotation_z(0.0), [0.337, 0.36, 0.657]),
           Pose(_MOUNT, [0.004, -0.006, 0.114]), 0.08)  # fmt: skip
 BOARD = "dataset_0307/dvs_calibration.bag"
-STAND_INS = (  # as published, and the bench's sequence that stands in
+STAND_INS = (  # the authors' name, and the bench's sequence in its place
     ("dataset_0307/T1_RA_0_ES_0_texture1.bag", "augmented-0"),
     ("dataset_0307/T2_RA_50_ES_1_texture2.bag", "augmented-2"),
     ("dataset_0307/T1_RA_0_ES_1_noport.bag", "empty-1"),
@@ -48,9 +48,9 @@ STAND_INS = (  # as published, and the bench's sequence that stands in
 
 
 def write_bag(recording: Recording, path, rig: Rig = RIG) -> None:
-    """A recording of the bench as the authors' bags are; its truth goes into the arm's motion only.
+    """Write a recording of the bench as a bag like the authors'; the arm's motion alone holds its truth.
 
-    Without a truth (a bench without a port) the arm stands still.  Raises `InputError`.
+    The arm stands still if the recording has no truth.  Raises `InputError` if the arm cannot follow.
     """
     span_s = recording.frames_t_us[-1] * 1e-6 if len(recording.frames_t_us) else 1.0
     t_us = np.arange(0, span_s * 1e6 + 1e5, 1e6 / ARM_HZ).astype(np.int64)
@@ -70,12 +70,12 @@ def write_bag(recording: Recording, path, rig: Rig = RIG) -> None:
 
 
 def arm_poses(T_cam_port: Pose, rig: Rig = RIG) -> Pose:
-    """``T_root_tip`` that holds the port there."""
+    """``T_root_tip`` at which the arm holds the port at ``T_cam_port``."""
     return rig.T_cam_root.inverse @ T_cam_port @ rig.T_tip_port.inverse
 
 
 def shift_time(recording: Recording, by_us: int) -> Recording:
-    """The same recording at another time."""
+    """The same recording, ``by_us`` later."""
     events = recording.events.copy()
     events["t_us"] += by_us
     truth = recording.truth and Trajectory(recording.truth.t_us + by_us, recording.truth.poses)
@@ -83,7 +83,7 @@ def shift_time(recording: Recording, by_us: int) -> Recording:
 
 
 def write_hand_eye(path, rig: Rig = RIG) -> None:
-    """The camera in the arm's base, as easy_handeye writes it; raises `InputError`."""
+    """Write the camera's pose in the arm's base as easy_handeye does; raises `InputError`."""
     T = rig.T_cam_root.inverse
     about = {"eye_on_hand": False, "robot_base_frame": rig.root, "robot_effector_frame": rig.tip,
              "tracking_base_frame": "dvs", "tracking_marker_frame": "board"}  # fmt: skip
@@ -95,7 +95,10 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
 
 
 def write_set(folder, seconds: float, report=print) -> None:
-    """A small set in the published layout; bags that are there are kept.  Raises `InputError`."""
+    """Write a small set with the layout of the authors' data; bags that are there are kept.
+
+    Raises `InputError` if the folder cannot be written.
+    """
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -119,19 +122,19 @@ def simulate_detections(name: str, seconds: float, rng: np.random.Generator, rig
                         rate_hz: float = 10.0, noise_m: float = 0.002, noise_rad: float = np.deg2rad(1.0),
                         outliers: float = 0.05,
                         scale: float = 1.0) -> tuple[list[Estimate], ArmMotion]:  # fmt: skip
-    """What an estimator with the usual errors would say of a sequence, without images; and the arm's motion.
+    """Estimates of a sequence with typical errors, drawn without images, and the arm's motion.
 
-    Yaw is known modulo the port's symmetry, a share of ``outliers`` is anywhere, and positions are
-    divided by ``scale``, as by one who takes the ring for so many times smaller.
+    Yaw is known modulo the port's symmetry.  A share of ``outliers`` is anywhere.  Positions are divided by
+    ``scale``, as if the ring were assumed smaller by that factor.
 
     Returns
     -------
-    estimates (all with a pose), and ``T_root_tip``
+    estimates, all with a pose; the arm's motion
     """
     seq, t_us = sequence(name), np.arange(0, seconds * 1e6, 1e6 / ARM_HZ).astype(np.int64)
-    motion_of_arm = ArmMotion(t_us, arm_poses(sequence_motion(seq, t_us * 1e-6), rig))
-    seen_us = np.arange(5e4, t_us[-1], 1e6 / rate_hz).astype(np.int64)
-    T, count = sequence_motion(seq, seen_us * 1e-6), len(seen_us)
+    arm = ArmMotion(t_us, arm_poses(sequence_motion(seq, t_us * 1e-6), rig))
+    detected_us = np.arange(5e4, t_us[-1], 1e6 / rate_hz).astype(np.int64)
+    T, count = sequence_motion(seq, detected_us * 1e-6), len(detected_us)
     turn = Rotation.from_rotvec(rng.normal(0, noise_rad, (count, 3))).as_matrix()
     rotation = (
         turn @ T.rotation @ rotation_z(rig.port.yaw_period_rad * rng.integers(0, rig.port.symmetry, count))
@@ -140,14 +143,14 @@ def simulate_detections(name: str, seconds: float, rng: np.random.Generator, rig
     wrong = rng.random(count) < outliers
     rotation[wrong] = Rotation.random(wrong.sum(), rng=rng).as_matrix()
     position_m[wrong] += rng.normal(0, 0.1, (wrong.sum(), 3))
-    found = [Estimate(int(t), Status.OK, Pose(R, p))
-             for t, R, p in zip(seen_us, rotation, position_m, strict=True)]  # fmt: skip
-    return found, motion_of_arm
+    estimates = [Estimate(int(t), Status.OK, Pose(R, p))
+             for t, R, p in zip(detected_us, rotation, position_m, strict=True)]  # fmt: skip
+    return estimates, arm
 
 
 def simulate_checkerboard(camera: Camera, corners: tuple[int, int] = (8, 5), square_m: float = 0.03,
                     views: int = 16, seed: int = 0) -> Recording:  # fmt: skip
-    """A checkerboard held before the camera, without events: a raw calibration recording."""
+    """A recording of a checkerboard before the camera, without events."""
     rng = np.random.default_rng(seed)
     centre_m = np.array([(corners[0] - 1) / 2, (corners[1] - 1) / 2, 0]) * square_m
     offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
@@ -164,7 +167,7 @@ def simulate_checkerboard(camera: Camera, corners: tuple[int, int] = (8, 5), squ
 
 
 def _board(T_cam_board: Pose, rays, corners, square_m: float) -> np.ndarray:
-    """A frame (H, W, 3) u8 of a board with a white rim, by its lines of sight (H S, W S, 3)."""
+    """A frame (H, W, 3) u8 of a board with a white rim; ``rays`` are its lines of sight (H S, W S, 3)."""
     eye_m, direction = T_cam_board.inverse.position_m, rays @ T_cam_board.rotation
     xy = (eye_m[:2] - eye_m[2] / direction[..., 2:] * direction[..., :2]) / square_m
     cell = np.floor(xy).clip(-99, 99).astype(int)

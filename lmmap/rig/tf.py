@@ -1,7 +1,7 @@
-"""An arm's motion from a bag: chains of /tf, with joints of /joint_states where /tf lacks a link.
+"""An arm's motion from a bag: a chain of links in /tf, with /joint_states where /tf lacks a link.
 
-A chain is walked over links ``T_parent_child (t)``; each is interpolated at the times of the most frequent
-one.  Times are those of the messages' stamps, as the camera's are.
+Each link ``T_parent_child(t)`` of the chain is interpolated at the times of the link that is reported most
+often.  Times are the stamps of the messages, as the camera's are.
 """
 
 from __future__ import annotations
@@ -18,72 +18,87 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..recordings.rosbag import STORE, header, open_bag, text
-from ..types import InputError, Pose, Trajectory
+from ..types import InputError, Pose
 from . import ur5e
+from .ur5e import LinkMotion
 
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 STATES = "sensor_msgs/msg/JointState"
-GLANCE_S = 5.0  # of a bag, where only its frames are asked for
-ENDS = ((ur5e.BASE, ur5e.EFFECTOR), ("base", "tool0_controller"))  # what a UR's driver may call its two ends
+GLANCE_S = 5.0  # of a bag that are enough to see the names of its frames
+ENDS = ((ur5e.BASE, ur5e.EFFECTOR), ("base", "tool0_controller"))  # names of the two ends in drivers for a UR
 
 
 def arm_motion(path, root: str, tip: str, seconds: float = np.inf) -> ur5e.ArmMotion:
-    """``T_root_tip`` of a bag's arm, or of its first ``seconds``.
+    """The motion of a bag's arm, or of its first ``seconds``, between the frames ``root`` and ``tip``.
 
-    Raises `InputError` that names the missing topic or link, or one on a loop.
+    Raises
+    ------
+    InputError
+        Names the topic or link that is missing, or a link on a loop.
     """
     path = Path(path)
-    links, joints = read_transforms(path, seconds)
-    chain = _chain(links, root, tip)
-    for parent, child, _ in chain or ():
-        if _chain(links.keys() - {(parent, child)}, root, tip):
-            raise InputError(f"{path}: /tf leads from {root} to {tip} with {parent} to {child} and without; "
-                             "give a bag whose links form a tree")  # fmt: skip
-    if chain is None:  # a link is missing: the nominal arm has it, and the joints its angle
-        filled = _nominal(joints) | links
-        chain = _chain(filled, root, tip)
-        if chain is None:
-            raise InputError(f"{path}: {_gap(links, joints, root, tip)}")
-        taken = [f"{p} to {c}" for p, c, _ in chain if (p, c) not in links and (p, c) not in ur5e.FIXED]
-        if taken:
-            warnings.warn(f"{path}: /tf lacks {', '.join(taken)}; taking /joint_states and the nominal UR5e",
-                          stacklevel=2)  # fmt: skip
-        links = filled
-    parts = [(links[p, c], backward) for p, c, backward in chain]
-    moving = [link for link, _ in parts if len(link) > 1]
+    links, chain = _complete_chain(path, *read_transforms(path, seconds), root, tip)
+    steps = [(links[parent, child], backward) for parent, child, backward in chain]
+    moving = [link for link, _ in steps if len(link) > 1]
     if not moving:
         raise InputError(
             f"{path}: {root} to {tip} never moves in /tf; give a bag whose arm reports its motion"
         )
-    low, high = max(m.t_us[0] for m in moving), min(m.t_us[-1] for m in moving)
+    first_us, last_us = max(m.t_us[0] for m in moving), min(m.t_us[-1] for m in moving)
     t_us = max((m.t_us for m in moving), key=len)
-    t_us = t_us[(t_us >= low) & (t_us <= high)]
+    t_us = t_us[(t_us >= first_us) & (t_us <= last_us)]
     if len(t_us) < 2:
         raise InputError(
             f"{path}: the links of {root} to {tip} are never reported at the same time; record again"
         )
     T = Pose.identity()
-    for link, backward in parts:
-        at = link.at(t_us) if len(link) > 1 else link.poses[0]
-        T = T @ (at.inverse if backward else at)
+    for link, backward in steps:
+        T_parent_child = link.at(t_us)
+        T = T @ (T_parent_child.inverse if backward else T_parent_child)
     return ur5e.ArmMotion(t_us, T)
 
 
+def _complete_chain(path, links: dict, joints: dict, root: str, tip: str) -> tuple[dict, list]:
+    """The links, with the nominal arm's where some are missing, and the chain from root to tip."""
+    chain = _find_chain(links, root, tip)
+    for parent, child, _ in chain or ():
+        if _find_chain(links.keys() - {(parent, child)}, root, tip):
+            raise InputError(f"{path}: /tf leads from {root} to {tip} with {parent} to {child} and without; "
+                             "give a bag whose links form a tree")  # fmt: skip
+    if chain is not None:
+        return links, chain
+    completed = _nominal_links(joints) | links
+    chain = _find_chain(completed, root, tip)
+    if chain is None:
+        raise InputError(f"{path}: {_missing_link(links, joints, root, tip)}")
+    added = [f"{p} to {c}" for p, c, _ in chain if (p, c) not in links and (p, c) not in ur5e.FIXED]
+    if added:
+        warnings.warn(f"{path}: /tf lacks {', '.join(added)}; taking /joint_states and the nominal UR5e",
+                      stacklevel=3)  # fmt: skip
+    return completed, chain
+
+
 def arm_ends(path) -> tuple[str, str]:
-    """(base, effector) as this bag's /tf names them: the first of `ENDS` that it knows."""
+    """(base, effector) as this bag's /tf names them: the first of `ENDS` that it has."""
     frames = {frame for pair in read_transforms(path, GLANCE_S)[0] for frame in pair}
     return next((ends for ends in ENDS if frames & {ends[0]} or frames & {ends[1]}), ENDS[0])
 
 
-def read_transforms(
-    path, seconds: float = np.inf
-) -> tuple[dict[tuple[str, str], Trajectory], dict[str, tuple[np.ndarray, np.ndarray]]]:
-    """All links of /tf and /tf_static by (parent, child), and joints by name: times and angles.
+def read_transforms(path, seconds: float = np.inf) -> tuple[dict, dict]:
+    """Everything that a bag says of its arm.
 
-    Raises `InputError` for a bag that cannot be read or has neither.
+    Returns
+    -------
+    links : `LinkMotion` of /tf and /tf_static by (parent, child)
+    joints : times (N,) us and angles (N, 1) rad of /joint_states by name
+
+    Raises
+    ------
+    InputError
+        For a bag that cannot be read or has neither.
     """
     path = Path(path)
-    rows, angles = (defaultdict(partial(array, "d")) for _ in range(2))  # packed: a bag may hold millions
+    rows, angles = (defaultdict(partial(array, "d")) for _ in range(2))  # packed, as a bag may hold millions
     with open_bag(path) as bag:
         wanted = [c for c in bag.connections if c.msgtype in (*TF, STATES)]
         if not wanted:
@@ -94,14 +109,16 @@ def read_transforms(
         for connection, _, raw in bag.messages(wanted, stop=stop):
             if connection.msgtype == STATES:
                 m = STORE.deserialize_ros1(raw, STATES)
-                t_us = _micro(m.header.stamp.sec, m.header.stamp.nanosec)
+                t_us = _microseconds(m.header.stamp.sec, m.header.stamp.nanosec)
                 for name, angle in zip(m.name, m.position, strict=False):
                     angles[name].extend((t_us, angle))
             else:
                 for parent, child, t_us, values in _transforms(raw):
                     rows[parent, child].extend((t_us, *values))
         links = {pair: _link(" to ".join(pair), table) for pair, table in rows.items()}
-        return links, {name: _unique(name, np.array(table).reshape(-1, 2)) for name, table in angles.items()}
+        return links, {
+            name: _sort_rows(name, np.array(table).reshape(-1, 2)) for name, table in angles.items()
+        }
 
 
 def _transforms(raw: bytes) -> Iterator[tuple]:
@@ -114,72 +131,73 @@ def _transforms(raw: bytes) -> Iterator[tuple]:
             (length,) = struct.unpack_from("<I", raw, at)
             names.append(raw[at + 4 : at + 4 + length].decode().lstrip("/"))
             at += 4 + length
-        yield *names, _micro(seconds, nanoseconds), struct.unpack_from("<7d", raw, at)
+        yield *names, _microseconds(seconds, nanoseconds), struct.unpack_from("<7d", raw, at)
         at += 56
 
 
-def _micro(seconds: int, nanoseconds: int) -> int:
+def _microseconds(seconds: int, nanoseconds: int) -> int:
     return seconds * 10**6 + (nanoseconds + 500) // 1000
 
 
-def _unique(name: str, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows in the order of time, each time once; ValueError for what is no number."""
+def _sort_rows(name: str, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values in the order of time, each time once; ValueError if a number is not finite."""
     if not np.isfinite(table).all():
         raise ValueError(f"{name} is not finite at some time")
     t_us, index = np.unique(table[:, 0].astype(np.int64), return_index=True)
     return t_us, table[index, 1:]
 
 
-def _link(name: str, table: array) -> Trajectory:
-    t_us, values = _unique(name, np.array(table).reshape(-1, 8))
+def _link(name: str, table: array) -> LinkMotion:
+    t_us, values = _sort_rows(name, np.array(table).reshape(-1, 8))
     if np.any(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1) > 1e-2):
         raise ValueError(f"{name} has a quaternion that is not of unit length")
-    return Trajectory(t_us, Pose(Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3]))
+    return LinkMotion(t_us, Pose(Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3]))
 
 
-def _nominal(joints) -> dict[tuple[str, str], Trajectory]:
+def _nominal_links(joints) -> dict[tuple[str, str], LinkMotion]:
     """Links of the nominal arm: the fixed ones, and those whose joint is reported."""
-    links = {pair: Trajectory([0], T[None]) for pair, T in ur5e.FIXED.items()}
+    links = {pair: LinkMotion(np.zeros(1, np.int64), T[None]) for pair, T in ur5e.FIXED.items()}
     for index, name in enumerate(ur5e.JOINTS):
         if name in joints:
             t_us, angle = joints[name]
-            links[ur5e.LINKS[index], ur5e.LINKS[index + 1]] = Trajectory(
-                t_us, ur5e.joint_link(index, angle[:, 0])
-            )
+            ends = ur5e.LINKS[index], ur5e.LINKS[index + 1]
+            links[ends] = LinkMotion(t_us, ur5e.joint_link(index, angle[:, 0]))
     return links
 
 
-def _chain(links, root: str, tip: str) -> list[tuple[str, str, bool]] | None:
-    """The shortest way from root to tip: ``(parent, child, whether it is walked backward)``."""
-    near = defaultdict(list)
+def _find_chain(links, root: str, tip: str) -> list[tuple[str, str, bool]] | None:
+    """The shortest chain from root to tip: ``(parent, child, whether backward)`` of each link."""
+    neighbours = defaultdict(list)
     for parent, child in links:
-        near[parent].append((child, (parent, child, False)))
-        near[child].append((parent, (parent, child, True)))
-    came, waiting = {root: None}, deque([root])
+        neighbours[parent].append((child, (parent, child, False)))
+        neighbours[child].append((parent, (parent, child, True)))
+    reached_by, waiting = {root: None}, deque([root])
     while waiting:
         frame = waiting.popleft()
-        for other, step in near[frame]:
-            if other not in came:
-                came[other] = (frame, step)
+        for other, step in neighbours[frame]:
+            if other not in reached_by:
+                reached_by[other] = (frame, step)
                 waiting.append(other)
-    if tip not in came:
+    if tip not in reached_by:
         return None
     chain, frame = [], tip
-    while came[frame]:
-        frame, step = came[frame]
+    while reached_by[frame]:
+        frame, step = reached_by[frame]
         chain.append(step)
     return chain[::-1]
 
 
-def _gap(links, joints, root: str, tip: str) -> str:
-    """Why there is no chain, in words."""
-    everything = _nominal({name: (np.zeros(1, np.int64), np.zeros((1, 1))) for name in ur5e.JOINTS}) | links
-    whole = _chain(everything, root, tip)
+def _missing_link(links, joints, root: str, tip: str) -> str:
+    """Why there is no chain, and the remedy."""
+    everything = (
+        _nominal_links({name: (np.zeros(1, np.int64), np.zeros((1, 1))) for name in ur5e.JOINTS}) | links
+    )
+    whole = _find_chain(everything, root, tip)
     if whole is None:
         frames = sorted({frame for pair in links for frame in pair})
         return (f"no frames {root} and {tip} in /tf; it has {', '.join(frames) or 'none'}; "
                 "name the arm's two ends with --base and --effector")  # fmt: skip
-    known = _nominal(joints) | links
+    known = _nominal_links(joints) | links
     missing = [f"{p} to {c}" for p, c, _ in whole if (p, c) not in known]
     return (f"/tf has no link {', '.join(missing)}, and /joint_states has not its joint; "
             "give a bag with the whole arm")  # fmt: skip
@@ -194,9 +212,10 @@ def arm_messages(t_us, joints_rad) -> list[tuple]:
 
     def tf():
         for k, t in enumerate(t_us):
-            some = [header(int(t), p) + text(c) + np.r_[x[k % len(x)], q[k % len(q)]].astype("<f8").tobytes()
-                    for p, c, q, x in frames]  # fmt: skip
-            yield int(t), struct.pack("<I", len(some)) + b"".join(some)
+            transforms = [header(int(t), parent) + text(child)
+                          + np.r_[x[k % len(x)], q[k % len(q)]].astype("<f8").tobytes()
+                          for parent, child, q, x in frames]  # fmt: skip
+            yield int(t), struct.pack("<I", len(transforms)) + b"".join(transforms)
 
     def states():
         names = struct.pack("<I", 6) + b"".join(text(name) for name in ur5e.JOINTS)

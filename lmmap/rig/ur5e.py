@@ -1,7 +1,7 @@
-"""The arm of the paper's laboratory, a UR5e: its nominal kinematics, forward and inverse, and its velocity.
+"""The arm of the paper's laboratory, a UR5e: its nominal kinematics, forward and inverse, and its motion.
 
-Frames and joints are named as the arm's ROS driver names them.  Joint angles are (..., 6) rad in the
-order of `JOINTS`.  A real arm differs from the nominal one by about a millimetre, which its own /tf knows.
+Frames and joints have the names of the arm's ROS driver.  Joint angles are (..., 6) rad in the order of
+`JOINTS`.  A real arm differs from the nominal one by about a millimetre; its own /tf includes that.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
 LINKS = ("base_link_inertia", "shoulder_link", "upper_arm_link", "forearm_link",
          "wrist_1_link", "wrist_2_link", "wrist_3_link")  # fmt: skip
 BASE, EFFECTOR = "base_link", "tool0"
-STEP_US = 20_000  # over which velocity is measured
+STEP_US = 20_000  # velocity is measured over this time before and after
 # the manufacturer's Denavit-Hartenberg lengths
 D1, A2, A3, D4, D5, D6 = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
-# where each joint sits in its parent's frame: position (m), then a turn about x (rad)
+# each joint in its parent's frame: position (m), then a turn about x (rad)
 SEATS_M = np.array([[0, 0, D1], [0, 0, 0], [A2, 0, 0], [A3, 0, D4], [0, -D5, 0], [0, D6, 0]])
 SEATS_RAD = np.pi / 2 * np.array([0, 1, 0, 0, 1, -1])
 
@@ -56,10 +56,10 @@ def forward(joints_rad) -> Pose:
 
 
 def inverse(T_base_tool: Pose) -> np.ndarray:
-    """All joint angles that reach a pose: (N,) poses -> (N, 8, 6), NaN where a branch does not reach.
+    """All joint angles that reach poses (N,): (N, 8, 6), NaN where a branch does not reach one.
 
     The closed form for arms with a spherical shoulder and three parallel axes: the second wrist's position
-    gives joint 1, the tool's axis joint 5, and what is left is a planar arm of two links (Hawkins 2013).
+    gives joint 1, the tool's axis gives joint 5, and the rest is a planar arm of two links (Hawkins 2013).
     """
     T = FIXED[BASE, LINKS[0]].inverse @ T_base_tool
     branches = [_branch(T, *signs) for signs in np.ndindex(2, 2, 2)]
@@ -90,9 +90,9 @@ def _branch(T: Pose, shoulder: int, wrist: int, elbow: int) -> np.ndarray:
 
 
 def follow(T_base_tool: Pose) -> np.ndarray:
-    """Continuous joint angles (N, 6) along a path (N,) of poses; ValueError where the arm cannot follow.
+    """Continuous joint angles (N, 6) along a path (N,) of poses, on the branch whose joints move least.
 
-    One branch serves the whole path: the one whose joints move least.
+    Raises ValueError if no branch reaches the whole path.
     """
     joints = np.unwrap(inverse(T_base_tool), axis=0)
     moved = np.abs(np.diff(joints, axis=0)).max((0, 2), initial=0)
@@ -101,6 +101,23 @@ def follow(T_base_tool: Pose) -> np.ndarray:
     if not np.isfinite(moved[best]):
         raise ValueError("T_base_tool: expected a path within the arm's reach")
     return joints[:, best]
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """A link's ``T_parent_child`` at strictly increasing times ``t_us`` (N,); a fixed link has one pose."""
+
+    t_us: np.ndarray
+    T_parent_child: Pose
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+    def at(self, t_us) -> Pose:
+        """``T_parent_child`` at times inside the motion; a fixed link's pose at any time."""
+        if len(self) == 1:
+            return self.T_parent_child[0]
+        return Trajectory(self.t_us, self.T_parent_child).at(t_us)
 
 
 @dataclass(frozen=True)
