@@ -1,9 +1,8 @@
-"""The bench against the clock: simulated seconds per second, frames and events of the test sequences.
+"""The bench's speed against real time, in which the real laboratory records, and the cost of each stage.
 
-    python benchmarks/bench_bench.py              # about a minute; against Mitsuba: bench_mitsuba.py
+    python benchmarks/bench_bench.py              # about a minute; bench_mitsuba.py compares with Mitsuba
 
-The peer is real time: a recording of the real laboratory takes a second a second.  Also what the stages
-cost, per image, on one thread.
+Stages are measured for one image on one thread.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
 
 
 def against_real_time() -> None:
-    sequences.simulate("test-low", 0.2)  # compiles
+    sequences.simulate("test-low", 0.2)  # the first call compiles
     for light in LIGHTS:
         wall, cpu = time.perf_counter(), time.process_time()
         recording = sequences.simulate(f"test-{light}", SECONDS)

@@ -1,6 +1,6 @@
-"""Ring and reflector filters on one image: ours against plain eager float32 networks on full frames.
+"""Time of both filters on one image: ours against plain eager float32 networks on full frames.
 
-Both in inference mode, interleaved in one run, medians; masks are compared where both were computed.
+Both run in inference mode and alternate; times are medians.  Masks are compared where both compute them.
 """
 
 from __future__ import annotations

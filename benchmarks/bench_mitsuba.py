@@ -1,11 +1,11 @@
-"""The bench's renderer against Mitsuba 3, a path tracer that we did not write: the same light, and how fast.
+"""The bench's renderer against Mitsuba 3, a path tracer by others: do both see the same light, and how fast?
 
     python benchmarks/bench_mitsuba.py            # a few minutes; writes data/results/mitsuba.csv and .json
 
-Six poses of the test trajectory under each of its three lights.  With lamps as points both render one ray
-through each pixel's centre: every difference is one of geometry, material or light.  With lamps as spheres
-Mitsuba samples their surfaces, which shows what our widened lobes and sharper shadows leave out.  Then what
-our equations have no term for: light from surface to surface, and the hemisphere behind the ambient term.
+Both render six poses of the test trajectory under each of its three lights.  With lamps as points both use
+one ray through each pixel's centre, so that a difference is one of geometry, material or light.  With lamps
+as spheres Mitsuba samples their surfaces, which shows the error of our widened lobes and sharper shadows.
+Last come effects that our equations leave out: light between surfaces, and a true hemisphere of ambient light.
 """
 
 from __future__ import annotations

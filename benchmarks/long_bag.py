@@ -1,10 +1,10 @@
-"""A published bag's size, six gigabytes, from bag to truth and errors: memory, time, and going on.
+"""Memory and time for a bag of six gigabytes, the size of the authors', from bag to truth and errors.
 
     python benchmarks/long_bag.py FOLDER [GIGABYTES]
 
-Writes a stand-in of that size into FOLDER (the committed recording again and again, its arm to and fro) and
-removes it.  Each command runs in a process of its own, whose peak of resident memory is what is reported
-``evaluate`` estimates one image in ten seconds, as it is reading that is measured.
+Writes a stand-in of that size into FOLDER and removes it: the committed recording again and again, with the
+arm to and fro.  Each command runs in a process of its own, and its peak of resident memory is reported.
+``evaluate`` estimates one image in ten seconds, because reading is what is measured.
 """
 
 import sys
@@ -27,31 +27,32 @@ LIMIT_GB = 2.0
 
 
 class Mirrored:
-    """A short recording played to and fro, as `Recording` is: what `rosbag.write` needs of it.
+    """A short recording played to and fro, with the part of `Recording` that `rosbag.write` needs.
 
-    Played backward, frames show the scene as it was then; events keep their order within a period, so that
-    they are right in rate and size, not in what they show."""
+    Backward, frames are in reverse order.  Events keep their order: their rate and size are right, but not
+    what they show.
+    """
 
     def __init__(self, recording, periods: int):
-        self.camera, self.periods, self._one = recording.camera, periods, recording
+        self.camera, self.periods, self._recording = recording.camera, periods, recording
         self.period_us = int(recording.truth.t_us[-1]) + 5000
 
     def chunks(self):
         for k in range(self.periods):
-            e = self._one.events.copy()
+            e = self._recording.events.copy()
             e["t_us"] += standin.START_US + k * self.period_us
             yield e
 
     def timed_frames(self):
         for k in range(self.periods):
-            times_us, frames = self._one.frames_t_us, self._one.frames
+            times_us, frames = self._recording.frames_t_us, self._recording.frames
             if k % 2:
-                times_us, frames = self._one.truth.t_us[-1] - times_us[::-1], frames[::-1]
+                times_us, frames = self._recording.truth.t_us[-1] - times_us[::-1], frames[::-1]
             yield from zip((times_us + standin.START_US + k * self.period_us).tolist(), frames, strict=True)
 
     def arm(self):
         """Times and joints of the arm, to and fro."""
-        truth = self._one.truth
+        truth = self._recording.truth
         there = follow(standin.arm_poses(truth.poses))
         back_us = truth.t_us[-1] - truth.t_us[::-1]
         parts = [(back_us, there[::-1]) if k % 2 else (truth.t_us, there) for k in range(self.periods)]
@@ -82,9 +83,9 @@ def main(folder: Path, gigabytes: float) -> None:
         ("calibrate", path, "--rate", "0.2", "-o", folder / "again.json"),
         ("calibrate", path, "--rate", "0.2", "-o", folder / "again.json"),  # goes on: only reads
     ):
-        one = child(MAIN, *argv)
-        peaks.append(one["peak_gb"])
-        print(f"  lmmap {argv[0]}: exit {one['code']}, {one['seconds']:.0f} s, peak {one['peak_gb']:.2f} GB",
+        run = child(MAIN, *argv)
+        peaks.append(run["peak_gb"])
+        print(f"  lmmap {argv[0]}: exit {run['code']}, {run['seconds']:.0f} s, peak {run['peak_gb']:.2f} GB",
               flush=True)  # fmt: skip
     path.unlink()
     print(f"  under {LIMIT_GB} GB: {'yes' if max(peaks) < LIMIT_GB else 'NO'}")

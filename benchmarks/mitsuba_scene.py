@@ -1,9 +1,9 @@
 """The bench's scene in Mitsuba 3 (variant scalar_rgb): its own shapes, materials, lamps and rays.
 
-Light is linear, so each material is the sum of layers that Mitsuba has as plugins, one scene each:
-``diffuse`` (Lambert) and ``principled`` with metallic 1 (GGX, Smith, Schlick).  Only the retro-reflected
-lobe has no plugin; it is a small BSDF here.  Every sensor sample goes through a pixel's centre, so that no
-filter hides a difference; finer cameras sample finer.  The bench's ambient term is no light of this scene.
+Light adds up, so each material is a sum of layers, and each layer has its own scene.  Mitsuba has plugins for
+two of them: ``diffuse`` (Lambert) and ``principled`` with metallic 1 (GGX, Smith, Schlick).  The third, the
+retro-reflected lobe, is a small BSDF here.  Every sample goes through its pixel's centre, so that no filter
+hides a difference; a finer camera samples finer.  The scene has no ambient light.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def shapes(solid, skin, layer) -> dict:
     front = np.array([[4, 5, 7], [4, 7, 6]])
     rest = [[0, 2, 3], [0, 3, 1], [0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7],
             [1, 7, 5]]  # fmt: skip
-    found = {
+    meshes = {
         "panel face": mesh("face", corner, front, face, uv),
         "panel": mesh("sides", corner, rest, side, uv),
     }
@@ -138,13 +138,13 @@ def shapes(solid, skin, layer) -> dict:
     quads = np.concatenate(
         [np.stack([i, i + SEGMENTS, j + SEGMENTS], -1), np.stack([i, j + SEGMENTS, j], -1)]
     )
-    found["ring"] = mesh("ring", ring, quads, part(layer, RING))
+    meshes["ring"] = mesh("ring", ring, quads, part(layer, RING))
     for name, radius, top in (
         ("outer wall", solid.ring_outer, 0.0),
         ("inner wall", solid.ring_inner, 0.0),
         ("stem", solid.stem, solid.plate_height),
     ):
-        found[name] = mi.load_dict(
+        meshes[name] = mi.load_dict(
             {"type": "cylinder", "p0": [0, 0, solid.panel_top], "p1": [0, 0, top], "radius": radius,
              "bsdf": part(layer, BODY)}
         )  # fmt: skip
@@ -153,20 +153,20 @@ def shapes(solid, skin, layer) -> dict:
     hexagon = solid.plate_apothem / np.cos(np.pi / 6) * np.stack([np.cos(sides), np.sin(sides)], -1)
     hexagon = np.column_stack([hexagon, np.full(6, solid.plate_height)])
     fan = [[0, k, k + 1] for k in range(1, 5)]
-    found["plate"] = mesh("plate", hexagon, fan, part(layer, PLATE))
+    meshes["plate"] = mesh("plate", hexagon, fan, part(layer, PLATE))
     quad = [[0, 1, 2], [0, 2, 3]]
     for k, (c, s) in enumerate(solid.sectors):
         radial = solid.marker_radius + solid.marker_half[1] * np.array([-1, 1, 1, -1])
         along = solid.marker_half[0] * np.array([-1, -1, 1, 1])
         marker = np.stack([radial * c - along * s, radial * s + along * c], -1)
         marker = np.column_stack([marker, np.full(4, solid.plate_height + LIFT_M)])
-        found[f"marker {k}"] = mesh("marker", marker, quad, part(layer, MARKER))
+        meshes[f"marker {k}"] = mesh("marker", marker, quad, part(layer, MARKER))
         base, tangent, up, _ = solid.petals[k]
         (foot, tip), rise = solid.petal_half_widths, solid.petal_length
         petal = [base - foot * tangent, base + foot * tangent, base + rise * up + tip * tangent,
                  base + rise * up - tip * tangent]  # fmt: skip
-        found[f"petal {k}"] = mesh("petal", petal, quad, part(layer, PETAL))
-    return found
+        meshes[f"petal {k}"] = mesh("petal", petal, quad, part(layer, PETAL))
+    return meshes
 
 
 SURFACE = {"panel face": PANEL, "panel": PANEL, "ring": RING, "outer wall": BODY, "inner wall": BODY,
@@ -236,7 +236,7 @@ def render(solid, skin, emitters, T_cam_port, camera, layers=LAYERS) -> np.ndarr
 
 
 def surfaces(solid, skin, T_cam_port, camera) -> np.ndarray:
-    """What each pixel's centre sees, (H, W), as the numbers of `lmmap.scene`."""
+    """The surface at each pixel's centre, (H, W), by the numbers of `lmmap.bench.cad`."""
     aov = {"type": "aov", "aovs": "what:shape_index"}
     seen = scene(solid, skin, "diffuse", [], aov, T_cam_port, camera)
     index = np.array(mi.render(seen))[..., -1].round().astype(int)

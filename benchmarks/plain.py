@@ -1,4 +1,4 @@
-"""The filters as one writes them first, the peer of two benchmarks: eager float32 networks on full frames."""
+"""The filters in their plainest form, eager float32 networks on full frames: the peer of two benchmarks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from lmmap.pipeline.weights import FILTERS, load_weights, weight_path
 
 def nets(modality: str) -> list[FilterNet]:
     """Both filters' networks, in PyTorch's default layout."""
-    both = []
+    filters = []
     for name in FILTERS:
         net = FilterNet(CHANNELS[modality])
         net.load_state_dict(load_weights(weight_path(name, modality), modality))
-        both.append(net.eval())
-    return both
+        filters.append(net.eval())
+    return filters
 
 
 @torch.inference_mode()

@@ -1,7 +1,7 @@
-"""Variations of training images: what exposure, lens, sensor, storage and clutter do to them in reality.
+"""Variations of training images: what exposure, lens, sensor, storage and clutter do to real ones.
 
-Images are f32: frames (H, W, 3) in [0, 255], linear in light; histograms (H, W) of counts; masks
-(H, W) bool.  Nothing is written into; each function draws from the `rng` that it is given.
+Images are float32: frames (H, W, 3) in [0, 255], linear in light, or histograms (H, W) of counts.  Masks are
+(H, W) bool.  No function writes into its arguments; each draws from its argument ``rng``.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ STROKE_PX = (1, 3)  # width of the lines that stand for seams and scratches
 
 
 def flip(arrays, rng):
-    """All arrays turned by the same quarter turns, and mirrored or not."""
+    """All arrays after the same random quarter turns and, half of the time, mirrored."""
     turns, mirror = rng.integers(4), rng.random() < 0.5
     turned = [np.rot90(a, turns) for a in arrays]
     return [a[:, ::-1] if mirror else a for a in turned]
 
 
 def expose(frame, rng, brightness: float = 0.35, balance: float = 0.08):
-    """Another exposure and white balance: log-normal gains, one for all channels and one for each."""
+    """Another exposure and white balance: a log-normal gain of all channels, and one of each."""
     gain = np.exp(rng.normal(0, brightness) + rng.normal(0, balance, 3))
     return np.clip(frame * gain, 0, 255).astype(np.float32)
 
 
 def tint(frame, rng, strength: float = 0.5):
-    """A colour cast that changes slowly over the frame, as coloured film and light from walls make it."""
+    """A colour cast that changes slowly over the frame, as from coloured film and walls."""
     corners = np.exp(rng.normal(0, strength, (3, 3, 3))).astype(np.float32)
     field = cv2.resize(corners, frame.shape[1::-1], interpolation=cv2.INTER_CUBIC)
     return np.clip(frame * np.maximum(field, 0), 0, 255)
 
 
 def blur(image, rng, most_px: float = 1.2):
-    """Defocus, or (one time in three) motion along a line of up to 5 px."""
+    """Defocus, or one time in three the blur of motion along a line of up to 5 px."""
     if rng.random() < 1 / 3:
         size, angle = int(rng.choice([3, 5])), rng.uniform(0, np.pi)
         kernel, reach = np.zeros((size, size), np.float32), (size - 1) / 2
@@ -45,7 +45,7 @@ def blur(image, rng, most_px: float = 1.2):
 
 
 def compress(frame, rng, qualities=(30, 95)):
-    """What JPEG leaves of a frame."""
+    """A frame after JPEG compression."""
     code = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(*qualities))]
     _, data = cv2.imencode(".jpg", np.clip(frame, 0, 255).astype(np.uint8), code)
     return cv2.imdecode(data, cv2.IMREAD_COLOR).astype(np.float32)
@@ -66,8 +66,10 @@ def hot_pixels(image, rng, value: float, share: float = 0.001):
 
 
 def clutter(image, mask, other, rng):
-    """A polygon of another picture laid over this one, as cloth and objects hide things; its part of
-    the mask goes out.  ``other`` is an image of the same size with nothing to find in it."""
+    """The image and its mask with a polygon of another picture over them, as cloth and objects hide things.
+
+    ``other`` is an image of the same size without anything to find in it.
+    """
     height, width = mask.shape
     centre, reach = rng.uniform(0, [width, height]), rng.uniform(0.1, 0.35) * width
     angles = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 9)))
@@ -78,8 +80,10 @@ def clutter(image, mask, other, rng):
 
 
 def seams(image, mask, rng, most: int = 4):
-    """Dark lines across the ring, as between the sectors of its retro-reflective film; in a histogram
-    they are silent or busy.  The mask stays: a gap is part of the ring."""
+    """Lines across the ring, like the gaps between the pieces of its retro-reflective film.
+
+    They are dark in a frame, silent or busy in a histogram.  The mask stays: a gap is part of the ring.
+    """
     active, out = np.argwhere(mask), image.copy()
     if not len(active):
         return out
@@ -95,7 +99,7 @@ def seams(image, mask, rng, most: int = 4):
 
 
 def thin(counts, rng, least: float = 0.6):
-    """A histogram from which events are lost, each by the same chance: a slower or duller sensor."""
+    """A histogram without some of its events, each lost with the same chance, as by a slower sensor."""
     return rng.binomial(counts.astype(np.int64), rng.uniform(least, 1)).astype(np.float32)
 
 
@@ -105,11 +109,12 @@ def noise_events(counts, rng, most: float = 0.15):
 
 
 def _sometimes(rng, chance, change, image, *more):
+    """``change(image, *more)`` with this chance, else the image."""
     return change(image, *more) if rng.random() < chance else image
 
 
 def robust_frame(frame, mask, other, rng):
-    """A frame and its mask, varied in all the ways in which reality may; also ``other`` if laid over it."""
+    """A frame and its mask after all variations, each by chance; ``other`` is as in `clutter`."""
     if rng.random() < 0.3:
         frame, mask = clutter(frame, mask, other, rng)
     frame = _sometimes(rng, 0.4, seams, frame, mask, rng)
@@ -122,7 +127,7 @@ def robust_frame(frame, mask, other, rng):
 
 
 def robust_histogram(counts, mask, other, rng):
-    """A histogram and its mask, varied likewise."""
+    """A histogram and its mask after all variations, each by chance; ``other`` is as in `clutter`."""
     if rng.random() < 0.3:
         counts, mask = clutter(counts, mask, other, rng)
     counts = _sometimes(rng, 0.4, seams, counts, mask, rng)
