@@ -5,7 +5,7 @@
 Both render six poses of the test trajectory under each of its three lights.  With lamps as points both use
 one ray through each pixel's centre, so that a difference is one of geometry, material or light.  With lamps
 as spheres Mitsuba samples their surfaces, which shows the error of our widened lobes and sharper shadows.
-Last come effects that our equations leave out: light between surfaces, and a true hemisphere of ambient light.
+Last come effects that our equations leave out: light between surfaces, and a true ambient hemisphere.
 """
 
 from __future__ import annotations
