@@ -20,7 +20,7 @@ from ..provenance import DERIVED_DATA
 from ..recordings.formats import open_stream
 from ..rig import authors_bags, calibration, checkerboard, standin, tf
 from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
-from ..studies import on_authors_bags, pose_errors
+from ..studies import bag_estimates, on_authors_bags, pose_errors
 from ..training.recipe import Recipe
 from ..types import Camera, InputError, Port
 from .inputs import input_files
@@ -79,8 +79,8 @@ def calibrate(a) -> None:
         stream = open_stream(path, camera)
         estimator = Estimator(stream.camera, port, a.modality, "low", settings_for(stream.camera))
         kept = output.with_name(f"{output.stem}.{path.stem}-{a.modality}.csv")
-        kept = on_authors_bags.kept_in(kept, path, a.rate, stream.camera)
-        estimates = on_authors_bags.detect(stream, estimator, a.rate, kept)
+        kept = bag_estimates.resumable_file(kept, path, a.rate, stream.camera)
+        estimates = bag_estimates.detect(stream, estimator, a.rate, kept)
         if not estimates:
             raise InputError(f"{path}: holds no images for --modality {a.modality}; try the other")
         detections.append(calibration.collect_detections(estimates, motion))
