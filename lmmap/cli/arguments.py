@@ -24,6 +24,10 @@ ESTIMATE = """examples:
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum       a trajectory in TUM's format
   lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
 """
+DRAW = """examples:
+  lmmap draw run.aedat4 poses.csv --modality event -o overlay.mp4
+  lmmap draw pictures --fps 30 poses.csv --modality rgb --camera camera.yaml -o overlay.mp4
+"""
 EVALUATE = """examples:
   lmmap evaluate demo.aedat4
   lmmap evaluate run.bag --camera camera.yaml --truth arm.tum --modality rgb --json
@@ -166,10 +170,24 @@ def _add_recordings(commands: _Commands) -> None:
         help="of the poses (default: tum if the name ends in .tum, else csv)",
     )
     commands.add_file(
-        command, "--video", help="overlay to write, .mp4 or .avi; takes about half again as long"
+        command, "--video", help="overlay to write, .mp4 or .avi; takes two or three times as long"
     )
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+    command = commands.add(
+        "draw",
+        "lmmap.cli.drawing:draw",
+        "draw poses on the images that they were estimated from, as a video",
+        DRAW,
+    )
+    _add_recording(commands, command)
+    commands.add_file(command, "poses", metavar=None, help="CSV that lmmap estimate wrote")
+    command.add_argument("--modality", choices=MODALITIES, required=True, help="as it was estimated with")
+    commands.add_file(command, "--port", help="as it was estimated with")
+    command.add_argument("--rate", type=float, metavar="HZ", help="as it was estimated with")
+    command.add_argument("--events", type=int, metavar="N", help="as it was estimated with")
+    commands.add_output(command, "video to write: .mp4, which browsers play, or .avi", required=True)
 
     command = commands.add(
         "evaluate",
@@ -212,9 +230,17 @@ def _add_recording(commands: _Commands, command, nargs=None) -> None:
         "recording",
         nargs=nargs,
         metavar=None,
-        help="AEDAT4, ROS bag, HDF5, text, video, or a folder of images",
+        help="AEDAT4, RAW, DAT, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, or a folder of images",
     )
-    commands.add_file(command, "--camera", help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr")
+    commands.add_file(
+        command,
+        "--camera",
+        help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
+        "such as evk4:8mm",
+    )
+    command.add_argument(
+        "--fps", type=float, metavar="HZ", help="pictures a second, of a folder without timestamps.txt"
+    )
 
 
 def _add_estimation(commands: _Commands, command, required: bool, fused: bool = False) -> None:

@@ -27,7 +27,9 @@ from .progress import Bar, summary
 def estimate(a) -> None:
     """Poses of a recording, of one camera's images or of both."""
     if a.video and a.resume and a.video.exists():
-        raise InputError(f"{a.video}: a video cannot be resumed; leave --video out, or name another one")
+        raise InputError(
+            f"{a.video}: a video cannot be resumed; leave --video out, and draw it with lmmap draw"
+        )
     if a.video and a.modality == "fused":
         raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
     a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
@@ -115,7 +117,8 @@ def _made_of(a, modality: str, estimators: list) -> dict:
         for path in [Path(a.weights) / p.name if a.weights else p for p in paths]:
             weights[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return {
-        "recording": recording_mark(a.recording), "modality": modality, "rate": a.rate, "format": a.format,
+        "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
+        "format": a.format,
         "camera": asdict(first.camera), "port": asdict(first.port), "settings": asdict(first.settings),
         "weights": weights,
     }  # fmt: skip

@@ -7,6 +7,7 @@ from pathlib import Path
 from ..files import beside
 from ..pipeline.estimator import Estimator, settings_for
 from ..recordings.formats import open_stream
+from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
 from ..rig import rig
 from ..types import Camera, InputError, Port
@@ -14,7 +15,8 @@ from ..types import Camera, InputError, Port
 
 def open_input(a, **options) -> Stream:
     """The recording of the command line."""
-    return open_stream(a.recording, Camera.load(a.camera) if a.camera else None, **options)
+    camera = load_camera(a.camera) if a.camera else None
+    return open_stream(a.recording, camera, fps=a.fps, **options)
 
 
 def input_files(a) -> list[Path]:
@@ -32,9 +34,14 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator:
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
+    settings = settings_for(camera, a.events)
+    return Estimator(camera, find_port(a), modality, a.weights or a.domain_gap, settings)
+
+
+def find_port(a) -> Port:
+    """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
     known = None if a.port else find_rig(a.recording)
-    port = Port.load(a.port) if a.port else known.port if known else Port.lm_map()
-    return Estimator(camera, port, modality, a.weights or a.domain_gap, settings_for(camera, a.events))
+    return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
 
 
 def find_rig(recording) -> rig.Rig | None:

@@ -14,7 +14,8 @@ from ..pipeline import run
 from ..recordings import live as devices
 from ..recordings.formats import health
 from ..recordings.journal import Journal
-from ..types import Camera, Estimate, InputError
+from ..recordings.sensors import load_camera
+from ..types import Estimate, InputError
 from .inputs import input_files, make_estimator, no_images, open_input
 from .progress import GREEN, RED, coloured, summary
 
@@ -43,7 +44,7 @@ def live(a) -> None:
     if stream is None and not a.camera:
         raise InputError("live: no calibration; give the attached camera's with --camera")
     device = devices.Played(stream) if stream else devices.Attached()
-    camera = stream.camera if stream else Camera.load(a.camera)
+    camera = stream.camera if stream else load_camera(a.camera)
     if camera.size_px != device.size_px:
         width, height = device.size_px
         raise InputError(f"{a.camera}: for {camera.width_px} x {camera.height_px} px, but the camera has "

@@ -89,7 +89,7 @@ def _camera(path: Path, size_px, camera) -> Camera:
             size += f" (as of {cameras})"
         raise InputError(f"{path}: no calibration for {size}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
-    camera = camera if isinstance(camera, Camera) else sensors.camera_of(camera) or Camera.load(camera)
+    camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera)
     if size_px is not None and camera.size_px != size_px:
         raise InputError(
             f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "

@@ -172,7 +172,11 @@ def recording_mark(path) -> dict:
     """
     path = Path(path)
     if path.is_dir():
-        lists = [path / name for name in ("timestamps.txt", "images.txt") if (path / name).is_file()]
+        lists = [
+            path / name
+            for name in ("timestamps.txt", "images.txt", "metadata.yaml")
+            if (path / name).is_file()
+        ]
         return {
             "name": path.name,
             "files": len(list(path.iterdir())),

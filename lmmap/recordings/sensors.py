@@ -53,7 +53,8 @@ def nominal(name: str, focal_mm: float) -> Camera:
     return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
 
 
-def camera_of(text: str) -> Camera | None:
-    """The camera that a text such as ``evk4:8mm`` asks for; None where it is no such text."""
+def load_camera(text) -> Camera:
+    """The nominal camera that a text such as ``evk4:8mm`` asks for, or a calibration file's; raises
+    `InputError`."""
     match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?mm", str(text))
-    return nominal(match[1], float(match[2])) if match else None
+    return nominal(match[1], float(match[2])) if match else Camera.load(text)

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lmmap.cli import main
 from lmmap.recordings import sensors
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import Camera, InputError
@@ -90,3 +91,12 @@ def test_nominal_cameras_are_asked_for_by_name(tmp_path):
     for text in ("evk9:8mm", "evk4:0mm"):
         with pytest.raises(InputError, match=r"give one of davis346, .*, as evk4:8mm"):
             open_recording(tmp_path / "p.png", text)
+
+
+def test_the_command_takes_names_and_rates(tmp_path, capsys):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for k in range(3):
+        cv2.imwrite(str(folder / f"{k}.png"), np.zeros((240, 320, 3), np.uint8))
+    assert main.main(["info", str(folder), "--fps", "10", "--camera", "dvxplorer-lite:6mm", "--json"]) == 0
+    assert '"frame_rate_hz": 10.0' in capsys.readouterr().out

@@ -49,7 +49,7 @@ def evt21(events, legacy=False) -> bytes:
             high = t >> 6
             words.append((8 << 28 | high & 0xFFF_FFFF) << 32)
         upper = int(p) << 28 | (t & 0x3F) << 22 | x // 32 * 32 << 11 | y
-        if words[-1] >> 32 == upper:
+        if words[-1] >> 32 == upper and words[-1] & 0xFFFF_FFFF < 1 << x % 32:
             words[-1] |= 1 << x % 32
         else:
             words.append(upper << 32 | 1 << x % 32)
@@ -72,7 +72,9 @@ def evt3(events) -> bytes:
         if y != row:
             words.append(y)
         time, row, end = t, y, k
-        while end < len(rows) and rows[end][0] == t and rows[end][2:] == (y, p) and rows[end][1] < x + 32:
+        while end < len(rows) and rows[end][0] == t and rows[end][2:] == (y, p):
+            if rows[end][1] >= x + 32 or (end > k and rows[end][1] <= rows[end - 1][1]):
+                break
             end += 1
         if end - k > 1:
             words.append(3 << 12 | int(p) << 11 | x)
