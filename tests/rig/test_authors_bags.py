@@ -1,4 +1,4 @@
-"""The published recordings, by stand-ins: names, health, calibration and evaluation on the command line."""
+"""The authors' bags, by stand-ins: names, health, calibration and evaluation on the command line."""
 
 import json
 import shutil
@@ -69,7 +69,7 @@ def test_a_name_says_role_and_light(name, role, light, textured):
     assert (bag.role, bag.light, bag.textured) == (role, light, textured)
 
 
-def test_every_stand_in_has_a_published_name():
+def test_every_stand_in_has_a_name_as_the_authors_give():
     bags = [authors_bags.describe_bag(name) for name, _ in standin.STAND_INS]
     assert {b.role for b in bags} == {"train", "test", "hard", "empty"}
     lights = {b.light for b in bags if b.role == "test"}
@@ -134,7 +134,7 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
         path.unlink()
 
 
-def test_a_camera_that_is_missing_is_said(folder, tmp_path, capsys):
+def test_a_bag_without_one_camera_is_reported(folder, tmp_path, capsys):
     """What a bag lacks is a note where the other camera answers, and one line where none does."""
     for name in (authors_bags.HAND_EYE, CAMERA):
         shutil.copy(folder / name, tmp_path)
@@ -165,7 +165,7 @@ def test_stand_ins_are_written_once(tmp_path, capsys, monkeypatch):
         assert code == 1 and err.count("\n") == 1
 
 
-def test_check_says_what_is_usable(folder, tmp_path, capsys):
+def test_check_lists_what_is_usable(folder, tmp_path, capsys):
     code, out, _ = run(capsys, "dataset")
     assert code == 0 and "2123/33938" in out and "over 6 GB" in out
     bag = folder / "dataset_0307_notexture" / "dark__test.bag"

@@ -54,6 +54,6 @@ def test_a_path_is_followed_without_jumps():
     np.testing.assert_allclose(ur5e.forward(joints).position_m, T.position_m, atol=1e-9)
 
 
-def test_what_is_out_of_reach_is_said():
+def test_a_path_out_of_reach_is_an_error():
     with pytest.raises(ValueError, match="reach"):
         ur5e.follow(Pose(np.eye(3)[None], [[2.0, 0, 0]]))
