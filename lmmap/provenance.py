@@ -1,4 +1,4 @@
-"""Where data and results lie, how results carry their provenance, and when they are out of date."""
+"""Where data and results lie, what made a result, and whether it is out of date."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
 ROOT = PACKAGE.parent
 DATA = (ROOT if CHECKOUT else PACKAGE) / "data"  # a wheel carries its data inside the package
 DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
-# all that a chapter's output depends on besides its own cells: of results tables and pictures, no archives
+# what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
 PAGE_SOURCES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
             "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "environment.txt")  # fmt: skip
@@ -97,7 +97,10 @@ def commit() -> str:
 
 
 def provenance(**facts) -> dict:
-    """What made a result; nothing in it changes between two runs of one commit on one machine."""
+    """What made a result: the given facts, the commit, the machine and the versions of packages.
+
+    It is the same for two runs of one commit on one machine.
+    """
     return {**facts, "commit": commit(), "python": platform.python_version(),
             "machine": platform.machine(), **{name: version(name) for name in PACKAGES}}  # fmt: skip
 
@@ -105,7 +108,7 @@ def provenance(**facts) -> dict:
 def save_json(path: Path, values: dict, **facts) -> Path:
     """Write ``values`` with their provenance, whole or not at all."""
     document = {"values": values, "provenance": provenance(**facts)}
-    return write_text(path, json.dumps(document, indent=1, sort_keys=True, default=_plain) + "\n")
+    return write_text(path, json.dumps(document, indent=1, sort_keys=True, default=_json_value) + "\n")
 
 
 def load_json(path: Path) -> dict:
@@ -125,5 +128,5 @@ def load_table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
-def _plain(value):
+def _json_value(value):
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

@@ -1,4 +1,4 @@
-"""The book's own Sphinx extension: a cache that knows the module, and plotly.js only where it is needed."""
+"""The book's own Sphinx extension: when chapters run anew, what stands under figures, the modules' pages."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def name_cache(app, config) -> None:
 
 
 def name_build(app) -> None:
-    """Sphinx's note of what made the pages, less folders of packages: wherever those lie, pages are equal."""
+    """Leave packages' folders out of Sphinx's note of what made the pages, so that pages are equal."""
     if app.builder.format == "html":
         kept = {name: getattr(app.config, name) for name in ("templates_path", "html_static_path")}
         for name in kept:
@@ -71,7 +71,7 @@ def prepare_static(app) -> None:
 
 
 def drop_preloads(app, exception) -> None:
-    """Without the theme's hints to fetch fonts early: of a page opened as a file, browsers refuse them."""
+    """Remove the theme's hints to fetch fonts early, which browsers refuse on a page opened as a file."""
     if exception is None and app.builder.format == "html":
         for page in Path(app.outdir).rglob("*.html"):
             text = page.read_text()
@@ -81,7 +81,7 @@ def drop_preloads(app, exception) -> None:
 
 
 def keep_outputs(app, exception) -> None:
-    """myst-nb writes a chapter that it takes from the cache without its outputs: here they come back."""
+    """Write outputs into the notebooks of chapters that myst-nb took from its cache: it leaves them out."""
     cache = get_cache(app.config.nb_execution_cache_path)
     for path in (Path(app.outdir).parent / "jupyter_execute").rglob("*.ipynb"):
         with suppress(KeyError):  # a chapter without code is not in the cache
@@ -90,27 +90,27 @@ def keep_outputs(app, exception) -> None:
 
 
 def describe_figures(app, doctree) -> None:
-    """Under each figure the functions and data it is made of; its alternative text from the file itself."""
+    """Put under each figure what it is made of, and give it the alternative text from its file."""
     executed = Path(app.outdir).parent / "jupyter_execute" / f"{app.env.docname}.ipynb"
     if not executed.exists():
         return
     cells = nbformat.read(executed, 4).cells
-    of = sources([cell.source if cell.cell_type == "code" else "" for cell in cells])
+    sources_by_cell = sources([cell.source if cell.cell_type == "code" else "" for cell in cells])
     for cell in doctree.findall(lambda n: isinstance(n, nodes.container) and "cell" in n["classes"]):
         images = list(cell.findall(nodes.image))
         for image in images:
             if not image.get("alt"):
                 image["alt"] = Image.open(Path(app.srcdir) / image["uri"]).info.get("Description", "")
-        if (images or needs_plotly(cell)) and of[cell["cell_index"]]:
-            cell += made_of(of[cell["cell_index"]])
+        if (images or needs_plotly(cell)) and sources_by_cell[cell["cell_index"]]:
+            cell += source_line(sources_by_cell[cell["cell_index"]])
 
 
-def made_of(names: set[str]) -> nodes.paragraph:
+def source_line(names: set[str]) -> nodes.paragraph:
     """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
     line = nodes.paragraph(classes=["made-of"])
     ours = sorted(name for name in names if name.startswith("lmmap."))
-    for word, some in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
-        for name in some:
+    for word, group in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
+        for name in group:
             line += nodes.Text(word)
             shown = nodes.literal(text=name.removeprefix("lmmap."))
             link = {"refdomain": "py", "reftype": "obj", "reftarget": name}

@@ -12,12 +12,12 @@ FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA}
 
 
 def sources(cells: list[str]) -> list[set[str]]:
-    """For each code cell of a chapter, ``lmmap.module.function`` and ``data/...`` that what it says rests on.
+    """For each code cell of a chapter, the functions ``lmmap...`` and paths ``data/...`` that it rests on.
 
     A variable has the sources of the statements that assign it; a statement has those of the functions,
     paths and variables in it.
     """
-    imported, known, found = {}, {}, []
+    imported, known, results = {}, {}, []
     for cell in cells:
         used = set()
         for statement in ast.parse(cell).body:
@@ -29,11 +29,11 @@ def sources(cells: list[str]) -> list[set[str]]:
             new, changed = _names(statement, ast.Store) - inner, _changed(statement)
             own = inner | (new if isinstance(statement, ast.For | ast.With) else set())
             loaded = (_names(statement, ast.Load) - own) | changed
-            of = _named(statement, imported).union(*(known.get(name, ()) for name in loaded))
-            known |= dict.fromkeys(new | changed, of)
-            used |= of
-        found.append(used)
-    return found
+            rests_on = _named(statement, imported).union(*(known.get(name, ()) for name in loaded))
+            known |= dict.fromkeys(new | changed, rests_on)
+            used |= rests_on
+        results.append(used)
+    return results
 
 
 def _resolved(module: str, name: str):
@@ -77,7 +77,7 @@ def _named(statement, imported: dict) -> set[str]:
 
 
 def _function(value) -> set[str]:
-    """Its full name, of a function of ours that does more than name files and set styles."""
+    """The full name of a function of this package, unless it only names files or sets styles."""
     ours = inspect.isfunction(value) and value.__module__.startswith("lmmap.")
     ours = (
         ours and value.__module__ != "lmmap.provenance" and value.__name__ not in ("use_style", "interactive")

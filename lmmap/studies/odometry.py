@@ -33,7 +33,7 @@ class NotScored(ValueError):
 
 
 def continuous_yaw(trajectory: Trajectory, period_rad: float) -> Trajectory:
-    """The same poses with yaw's unknown multiple of ``period_rad`` chosen to follow the pose before.
+    """The same poses, each with the multiple of ``period_rad`` in yaw that is nearest to the pose before.
 
     What remains is one multiple for the whole trajectory, which relative motion does not see.
     """
@@ -47,7 +47,7 @@ def continuous_yaw(trajectory: Trajectory, period_rad: float) -> Trajectory:
 
 
 def nearest_yaw(trajectory: Trajectory, reference: Trajectory, period_rad: float) -> Trajectory:
-    """Poses within a reference's time, yaw's unknown multiple of ``period_rad`` chosen nearest to it."""
+    """Poses within a reference's time, with the multiple of ``period_rad`` in yaw that is nearest to it."""
     within = (trajectory.t_us >= reference.t_us[0]) & (trajectory.t_us <= reference.t_us[-1])
     T, t_us = trajectory.poses[within], trajectory.t_us[within]
     equal = T.rotation[:, None] @ equal_turns(period_rad)
@@ -56,10 +56,10 @@ def nearest_yaw(trajectory: Trajectory, reference: Trajectory, period_rad: float
 
 
 def camera_track(estimates: list[Estimate], port: Port) -> Trajectory:
-    """What an odometry is compared with: the poses that pass the outlier filter, yaw continuous."""
+    """Our track for the comparison: the poses that pass the outlier filter, with continuous yaw."""
     kept = outlier_filter(estimates, port.yaw_period_rad)
-    found = [e for e, keep in zip(estimates, kept, strict=True) if keep and e.T_cam_port is not None]
-    return continuous_yaw(trajectory_of(found), port.yaw_period_rad)
+    filtered = [e for e, keep in zip(estimates, kept, strict=True) if keep and e.T_cam_port is not None]
+    return continuous_yaw(trajectory_of(filtered), port.yaw_period_rad)
 
 
 def path_length_m(trajectory: Trajectory) -> float:
@@ -74,7 +74,7 @@ def read_tracks(path) -> list[Trajectory]:
     Raises
     ------
     InputError
-        If the file is none of trajectories.
+        If the file holds no trajectory.
     """
     whole = read_trajectory(path)
     lines = [line.strip() for line in Path(path).read_text().splitlines()]
@@ -130,17 +130,17 @@ def _score(track: Trajectory, reference: Trajectory, lengths_m) -> pd.DataFrame:
     track = Trajectory(track.t_us[inside], track.poses[inside])
     at = Trajectory(track.t_us, reference.at(track.t_us))
     try:
-        found = relative_errors(track, at, lengths_m, aligned_poses=ALIGNED_POSES)
+        errors = relative_errors(track, at, lengths_m, aligned_poses=ALIGNED_POSES)
     except ValueError:
         raise NotScored(
             f"its first {ALIGNED_POSES} positions lie on a line, which leaves the scale open; "
             "start where the camera moves"
         ) from None
-    if not any(e.translation_m.size for e in found):
+    if not any(e.translation_m.size for e in errors):
         raise NotScored(f"too short: no stretch of path reaches {lengths_m[0]:.2f} m; track for longer")
     return pd.concat(
         pd.DataFrame({"length_m": e.length_m, "position_error_m": e.translation_m,
-                      "rotation_error_deg": np.rad2deg(e.rotation_rad)}) for e in found
+                      "rotation_error_deg": np.rad2deg(e.rotation_rad)}) for e in errors
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Exchange with other odometries, as files: what they need to run, and what their trajectories are worth.
+"""Exchange of files with other odometries: what they need to run, and the errors of their trajectories.
 
 The ``lmmap odometry`` command.  Nothing here imports another odometry.
 """
@@ -23,7 +23,7 @@ FRAME_HZ = 20.0
 
 
 def event_frame(events, size_px) -> np.ndarray:
-    """Grey 8-bit image of a window of events: counts whatever their polarity, blurred, clipped.
+    """Grey 8-bit image of a window of events: counts of both polarities, blurred and clipped.
 
     Signed histograms flip their sign when the camera turns back, and no tracker follows that.
     """
@@ -37,8 +37,8 @@ def event_frames(recording: Recording, rate_hz: float = FRAME_HZ):
     ticks = np.arange(e["t_us"][0], e["t_us"][-1], 1e6 / rate_hz).astype(np.int64) if len(e) else []
     for window in windows_before(e, ticks, PAPER.events_per_window):
         if window is not None:
-            some = e[window]
-            yield middle_us(some), event_frame(some, recording.camera.size_px)
+            events = e[window]
+            yield middle_us(events), event_frame(events, recording.camera.size_px)
 
 
 def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, int]:

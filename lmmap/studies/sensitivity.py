@@ -1,5 +1,8 @@
-"""How far one pixel lets the normal turn: the paper's theoretical limit of the model, under every sensible
-reading of "one pixel"; and the limit that statistics sets, the Cramer-Rao bound."""
+"""How far the normal may turn before the image changes by one pixel, and the Cramer-Rao bound.
+
+The first is the paper's theoretical limit, computed for every sensible reading of "one pixel".  The second is
+the limit that statistics sets.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +81,7 @@ def displacements(before: Pose, after: Pose, radius_m: float) -> np.ndarray:
 
 
 def refitted(before: Pose, after: Pose, radius_m: float) -> Pose:
-    """The pose ``after`` moved, not turned, to where its contour fits that of ``before`` best."""
+    """The pose ``after``, shifted without a turn so that its contour fits that of ``before`` best."""
     step = 1e-5 * before.position_m[..., 2]
     for _ in range(2):
         d = displacements(before, after, radius_m)

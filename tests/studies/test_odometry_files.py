@@ -160,7 +160,7 @@ def test_a_bad_trajectory_gets_one_line(reason, reference, tmp_path, capsys):
 
 def test_files_that_are_absent_or_of_another_kind(reference, tmp_path, capsys):
     for trajectory, ref, reason in (
-        (tmp_path / "none.tum", reference, "No such file"),
+        (tmp_path / "none.tum", reference, "no such file"),
         (reference, tmp_path / "none.h5", "no such file"),
         (tmp_path / "a.bag", reference, "cannot read '.bag'"),
     ):
