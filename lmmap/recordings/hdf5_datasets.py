@@ -18,6 +18,7 @@ from .limits import MAX_CHUNK_BYTES
 
 GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC = 1, 2, 3, 32_000, hdf5plugin.BLOSC_ID
 FILTERS = {GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC}  # others crash on damaged chunks: SZ and Bitshuffle did
+_checked: dict[tuple, None] = {}  # the datasets of files whose chunks have been checked
 DEFLATE_RATIO = 1032  # the most that zlib inflates a byte to
 
 
@@ -43,7 +44,13 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
     if foreign := sorted(set(filters) - FILTERS):
         raise ValueError(f"{name} is compressed by filter {foreign[0]}, expected gzip or Blosc")
     if dataset.chunks is not None:
-        _check_chunks(dataset, filters)
+        facts = os.stat(dataset.file.filename)
+        key = dataset.file.filename, facts.st_mtime_ns, facts.st_size, dataset.name
+        if key not in _checked:  # a recording's datasets are opened once more for each pass over them
+            _check_chunks(dataset, filters)
+            _checked[key] = None
+            while len(_checked) > 100:
+                del _checked[next(iter(_checked))]
     elif layout.get_layout() == h5py.h5d.CONTIGUOUS and dataset.id.get_storage_size() != dataset.nbytes:
         raise ValueError(f"{name} was never written")
     return dataset

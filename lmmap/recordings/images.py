@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -44,6 +45,8 @@ def _listed(path: Path) -> tuple[list[Path], list[int]]:
     lines = [line for line in lines if line and not line[0].startswith("#")]
     if all(len(line) == 1 for line in lines):
         names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    elif any(len(line) == 1 for line in lines):
+        raise ValueError(f"{lists[0].name} has lines with and without a name")
     else:
         names = [path / line[1] for line in lines]
     if len(names) != len(lines) or not names:
@@ -100,11 +103,30 @@ def read_video(path: Path) -> Source:
 def _video_frames(path: Path):
     with input_errors(path, "not a video", "convert it to MP4 or copy it again", (cv2.error,)):
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
-        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        more, bgr = video.read()
+        with _quiet():
+            video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+            size = (video.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+            if video.isOpened():
+                check_image(*map(int, size))
+            more, bgr = video.read()
         if not more:
             raise ValueError("no frame can be decoded")
         while more:
             yield round(video.get(cv2.CAP_PROP_POS_MSEC) * 1000), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-            more, bgr = video.read()
-        video.release()
+            with _quiet():
+                more, bgr = video.read()
+        with _quiet():
+            video.release()
+
+
+@contextmanager
+def _quiet():
+    """Keep what FFmpeg writes to the process's stderr from the terminal, where our own one line says more."""
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)

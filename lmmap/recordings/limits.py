@@ -19,7 +19,9 @@ def check_times(t_us) -> None:
     """ValueError where a time (int, or an array of them) is beyond `MAX_TIME_US`."""
     low, high = (t_us, t_us) if isinstance(t_us, int) else (int(t_us.min()), int(t_us.max()))
     if low < -MAX_TIME_US or high > MAX_TIME_US:
-        raise ValueError(f"a time of {low if low < -MAX_TIME_US else high} us, beyond any clock's")
+        time_us = f"{low if low < -MAX_TIME_US else high}"
+        shown = time_us if len(time_us) <= 20 else f"{len(time_us)} digits"
+        raise ValueError(f"a time of {shown} us, beyond any clock's; check the unit of its times")
 
 
 def check_image(width: int, height: int) -> None:

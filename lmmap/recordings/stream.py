@@ -99,7 +99,7 @@ def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Excep
     try:
         yield
     except (*DAMAGE, *errors) as error:
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
         raise InputError(f"{path}: {problem} ({reason}); {remedy}") from None
 
 

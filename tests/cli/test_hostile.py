@@ -1,0 +1,164 @@
+"""Commands lose nothing: outputs that are not theirs stay, inputs never change, and answers are short."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import attack_recordings as attacks
+import numpy as np
+import pytest
+
+from lmmap.cli import main
+from lmmap.files import InputError, lock
+from lmmap.provenance import DATA, ROOT
+from lmmap.recordings.journal import Journal
+
+MINI = DATA / "mini" / "test-low.aedat4"
+NOTES = "notes that nobody has a copy of\nand a second line"
+
+
+@pytest.fixture
+def lmmap(capsys):
+    """Run a command; its exit code and what it printed."""
+
+    def run(*argv):
+        code = main.main([str(a) for a in argv])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+def estimate(output, *extra, recording=MINI):
+    return ("estimate", recording, "--modality", "rgb", "--rate", "5", "-o", output, *extra)
+
+
+def hashes(folder: Path) -> dict:
+    return {
+        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
+
+
+@pytest.mark.parametrize("extra", [(), ("--resume",), ("--resume", "--format", "tum")])
+def test_a_file_that_is_not_ours_is_not_touched(tmp_path, lmmap, extra):
+    path = tmp_path / "poses.csv"
+    path.write_text(NOTES)
+    code, _, err = lmmap(*estimate(path, *extra))
+    assert code == 1 and len(err.splitlines()) == 1 and path.read_text() == NOTES
+    assert [p.name for p in tmp_path.iterdir()] == ["poses.csv"]
+
+
+@pytest.mark.parametrize("flag", ["--overwrite", "--resume"])
+def test_no_output_replaces_an_input(tmp_path, lmmap, flag):
+    for source in (MINI, MINI.with_suffix(".camera.json"), MINI.with_suffix(".truth.csv")):
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    before = hashes(tmp_path)
+    recording = tmp_path / MINI.name
+    (tmp_path / "link.csv").symlink_to(recording)
+    for output in (
+        recording,
+        recording.with_suffix(".camera.json"),
+        recording.with_suffix(".truth.csv"),
+        tmp_path / "link.csv",
+    ):
+        code, _, err = lmmap(*estimate(output, flag, recording=recording))
+        assert code == 1 and "is also read as" in err
+    assert {k: v for k, v in hashes(tmp_path).items() if k != "link.csv"} == before
+
+
+def test_an_output_that_exists_needs_a_word(tmp_path, lmmap):
+    path = tmp_path / "poses.csv"
+    assert lmmap(*estimate(path))[0] == 0
+    before = hashes(tmp_path)
+    code, _, err = lmmap(*estimate(path))
+    assert code == 1 and "--overwrite" in err and hashes(tmp_path) == before
+    assert lmmap(*estimate(path, "--resume"))[0] == 0 and hashes(tmp_path) == before
+    code, _, err = lmmap(*estimate(path, "--resume", "--events", "500"))
+    assert code == 1 and "settings" in err and hashes(tmp_path) == before
+    assert lmmap(*estimate(path, "--overwrite"))[0] == 0 and hashes(tmp_path) == before
+
+
+def test_two_processes_on_one_output(tmp_path):
+    path = tmp_path / "poses.csv"
+    code = (
+        "import sys; from lmmap.files import InputError, lock\n"
+        "try:\n    with lock(sys.argv[1]): print('free')\nexcept InputError as error: print(error)"
+    )
+    with Journal(path):
+        held = subprocess.run(
+            [sys.executable, "-c", code, path], capture_output=True, text=True, cwd=ROOT
+        ).stdout
+        with pytest.raises(InputError, match="another process"), lock(path):
+            pass
+    free = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, cwd=ROOT).stdout
+    assert "another process writes" in held and free == "free\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_that_are_not_utf8(tmp_path, lmmap):
+    name = os.fsdecode(os.fsencode(tmp_path) + b"/poses-\xff.csv")
+    run = subprocess.run(
+        [sys.executable, "-m", "lmmap", *map(str, estimate(name))], capture_output=True, cwd=ROOT
+    )
+    assert run.returncode == 0 and b"Traceback" not in run.stderr and Path(name).exists()
+    run = subprocess.run([sys.executable, "-m", "lmmap", "info", name], capture_output=True, cwd=ROOT)
+    assert run.returncode == 1 and len(run.stderr.splitlines()) == 1
+
+
+def test_a_jump_of_hours_at_a_rate_ends_in_seconds(tmp_path, lmmap):
+    lines = [f"{50 * k + (7_200_000_000 if k > 9000 else 0)} {k % 64} 5 1\n" for k in range(18_000)]
+    (tmp_path / "gap.txt").write_text("".join(lines))
+    attacks.CAMERA.save(tmp_path / "camera.json")
+    code, out, err = lmmap(
+        "estimate",
+        tmp_path / "gap.txt",
+        "--camera",
+        tmp_path / "camera.json",
+        "--modality",
+        "event",
+        "--events",
+        "500",
+        "--rate",
+        "100",
+        "-o",
+        tmp_path / "p.csv",
+        "--json",
+    )
+    assert code == 0 and "no events for 7200 s" in err and len(err.splitlines()) == 1
+    assert json.loads(out)["images"] < 120
+
+
+def test_commands_change_no_file_that_they_were_not_told_to_write(tmp_path):
+    """Every command on sound files: hashes of all inputs before and after."""
+    folder = tmp_path / "inputs"
+    folder.mkdir()
+    sound = attacks.sound_files(folder, np.random.default_rng(0))
+    before, ran = hashes(folder), set()
+    for kind, path in sound.items():
+        for name, argv in attacks.commands(path, kind, tmp_path, sound).items():
+            if (name, kind) in ran or (name == "live" and kind != ".h5"):
+                continue
+            ran.add((name, kind))
+            result = attacks.answer(argv)
+            assert not result.violation, (argv, result)
+            assert hashes(folder) == before, argv
+    assert {name for name, _ in ran} >= {
+        "info",
+        "estimate",
+        "evaluate",
+        "export",
+        "live",
+        "calibrate",
+        "score",
+    }
+
+
+def test_damaged_and_hostile_files_get_short_answers():
+    """Sixty cases of the attack suite, mutations only: directed ones have tests of their own."""
+    _, violations = attacks.attack(60, seed=1, directed=False)
+    assert not violations, violations

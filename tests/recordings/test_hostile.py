@@ -1,0 +1,197 @@
+"""Hostile recordings, cameras, ports and truths: one line, soon, in little memory; never a traceback."""
+
+import json
+import struct
+from pathlib import Path
+
+import attack_recordings as attacks
+import h5py
+import numpy as np
+import pytest
+
+from lmmap.recordings import rosbag, stream
+from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
+from lmmap.recordings.limits import MAX_TIME_US
+from lmmap.types import EVENT, Camera, InputError, Port
+
+CAMERA = attacks.CAMERA
+
+
+@pytest.fixture(scope="module")
+def directed(tmp_path_factory):
+    return attacks.directed_files(tmp_path_factory.mktemp("directed"))
+
+
+DIRECTED = (
+    *(
+        f"{kind}{suffix}"
+        for kind in ("fifo", "zero")
+        for suffix in (".aedat4", ".bag", ".h5", ".txt", ".avi")
+    ),
+    "sparse.aedat4",
+    "sparse.bag",
+    "sparse.h5",
+    "sparse.txt",
+    "line.txt",
+    "int64.txt",
+    "seconds.txt",
+    "never.h5",
+    "never-large.h5",
+    "never-contiguous.h5",
+    "large-chunks.h5",
+    "bomb.h5",
+    "external.h5",
+    "filter.h5",
+    "frames.h5",
+    "bomb.bag",
+    "promise.bag",
+    "gigapixel folder",
+    "cut folder",
+    "huge times",
+    "int times",
+    "nan times",
+)
+
+
+@pytest.mark.parametrize("name", DIRECTED)
+def test_each_directed_attack_is_one_line(directed, name):
+    with pytest.raises(InputError) as caught:
+        open_recording(directed[name], CAMERA)
+    message = str(caught.value)
+    assert directed[name].name in message and "\n" not in message and ";" in message and len(message) < 500
+
+
+def test_times_are_bounded_for_who_counts_faults_too(tmp_path):
+    e = np.zeros(2, EVENT)
+    e["t_us"] = [0, MAX_TIME_US + 1]
+    source = stream.Source(tmp_path, (64, 48), lambda: iter([e]))
+    with pytest.raises(InputError, match="beyond any clock"):
+        health(stream.Stream("r", CAMERA, source, checked=False))
+
+
+def test_a_chunk_of_a_bag_is_as_long_as_it_says():
+    with pytest.raises(ValueError, match="does not decompress to its 10 bytes"):
+        rosbag._decompressed(None, 10, b"x" * 11)
+
+
+def test_ros_cannot_write_negative_times():
+    with pytest.raises(InputError, match="shift"):
+        rosbag.header(-1)
+
+
+def test_our_own_mistakes_are_not_damaged_files(tmp_path):
+    with pytest.raises(AttributeError), stream.input_errors(tmp_path, "damaged", "copy it again"):
+        None.no_such_method()
+
+
+def test_links_to_other_files_are_not_followed(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        for name in "txyp":
+            file[f"events/{name}"] = np.zeros(5, np.int64)
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["events"] = h5py.ExternalLink("other.h5", "/events")
+    with pytest.raises(InputError, match="another file"):
+        open_recording(tmp_path / "r.h5", CAMERA)
+
+
+GOOD = json.loads(json.dumps(dict(width_px=64, height_px=48, fx_px=60.0, fy_px=60.0, cx_px=31.5, cy_px=23.5)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"width_px": v} for v in (64.0, True, "64", None, [64], 0, -1, 10**400, 1e9)),
+        *({"fx_px": v} for v in (1e-300, 1e300, True, "60", None, 10**400, float("inf"), float("nan"))),
+        *({"distortion": [0.1] * count} for count in (1, 2, 3, 6, 7, 8, 15)),
+        *({"distortion": v} for v in ([1e300] * 5, ["a"] * 4, 0.1, "abcd", {"k1": 0.1}, [True] * 4)),
+        {"colour": "red"},
+    ],
+)
+def test_cameras_are_checked_field_by_field(tmp_path, change):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(GOOD | change))
+    with pytest.raises(InputError, match=r"camera\.json: not a camera calibration \([^\n]*\);") as caught:
+        Camera.load(path)
+    assert next(iter(change)) in str(caught.value) and len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("text", ["[", "[]", "3", "null", '"x"', "[" * 10**5, "{}", '{"a":' * 10**5, "\x00"])
+def test_documents_that_are_no_cameras(tmp_path, text):
+    for name in ("c.json", "c.yaml"):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(InputError, match=rf"{name[0]}\.{name[2:]}: not a"):
+            Camera.load(tmp_path / name)
+
+
+def test_yaml_that_expands_is_refused(tmp_path):
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"{n}: &{n} [{', '.join(['*' + m] * 9)}]" for m, n in zip("abcdefgh", "bcdefghi", strict=True)]
+    (tmp_path / "laughs.yaml").write_text("\n".join(lines))
+    with pytest.raises(InputError, match="refers to its own parts"):
+        Camera.load(tmp_path / "laughs.yaml")
+    (tmp_path / "long.yaml").write_text("#" * 2**21)
+    with pytest.raises(InputError, match="at most"):
+        Camera.load(tmp_path / "long.yaml")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"symmetry": v} for v in (2.5, float("nan"), 1e9, 10**9, 0, -3, True, "3", None)),
+        *({"marker_size_m": v} for v in ([0.05], [0.05, 0.01, 0.01], "ab", 0.05, [0.05, "a"], [0.05, 1e300])),
+        {"ring_radius_m": float("inf")},
+    ],
+)
+def test_ports_are_checked_field_by_field(tmp_path, change):
+    Port.lm_map().save(tmp_path / "port.json")
+    values = json.loads((tmp_path / "port.json").read_text())
+    (tmp_path / "port.json").write_text(json.dumps(values | change))
+    with pytest.raises(InputError, match=next(iter(change))):
+        Port.load(tmp_path / "port.json")
+
+
+HEAD = "t_us,x_m,y_m,z_m,qx,qy,qz,qw\n"
+ROW = "{},0,0,{},0,0,0,1\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        HEAD,
+        HEAD + ROW.format(0, 1),
+        HEAD + ROW.format(2**63, 1) + ROW.format(2**64, 1),
+        HEAD + ROW.format(0, 1) + ROW.format(MAX_TIME_US + 1, 1),
+        HEAD + ROW.format(0, "1e300") + ROW.format(1, 1),
+        HEAD + ROW.format(0, "nan") + ROW.format(1, 1),
+        HEAD + ROW.format(1, 1) + ROW.format(0, 1),
+    ],
+)
+def test_truths_that_are_none(tmp_path, text):
+    (tmp_path / "truth.csv").write_text(text)
+    with pytest.raises(InputError, match=r"truth\.csv: [^\n]*;"):
+        read_truth(tmp_path / "truth.csv")
+
+
+def test_empty_packets_end_a_recording_soon(tmp_path):
+    """Each of zeros is a packet of stream 0 with no bytes: eight gigabytes of them are a billion packets."""
+    whole = Path(attacks.sound_files(tmp_path, np.random.default_rng(0))[".aedat4"])
+    content = bytearray(whole.read_bytes())
+    (size,) = struct.unpack_from("<I", content, 14)
+    content[18 + size : 18 + size + 8] = struct.pack("<ii", 0, 0)
+    whole.write_bytes(content)
+    with pytest.raises(InputError, match="damaged"):
+        open_stream(whole, CAMERA)
+
+
+def test_a_list_with_and_without_names(tmp_path):
+    (tmp_path / "images.txt").write_text("0.5 0.png\n1.5\n")
+    with pytest.raises(InputError, match="with and without a name"):
+        open_recording(tmp_path, CAMERA)
+
+
+def test_sound_files_are_still_read(tmp_path):
+    files = attacks.sound_files(tmp_path, np.random.default_rng(0))
+    for kind in (".aedat4", ".bag", ".h5", ".txt", "folder", ".avi"):
+        back = open_recording(files[kind], CAMERA)
+        assert len(back.events) + len(back.frames) >= 4, kind
