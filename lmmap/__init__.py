@@ -18,6 +18,7 @@ _HOME = {
     "Status": "types",
     "Trajectory": "types",
     "Estimator": "pipeline.estimator",
+    "PrintedEstimator": "pipeline.printed",
     "circle": "pipeline.circle",
     "draw": "pages.overlay",
     "ellipse": "pipeline.ellipse",

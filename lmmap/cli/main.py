@@ -8,7 +8,7 @@ import sys
 import warnings
 from contextlib import suppress
 
-from ..files import InputError
+from ..files import InputError, tune_allocator
 from .arguments import parser
 
 
@@ -20,6 +20,7 @@ def main(argv: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     # threads that wait for work without spinning leave the cores to others; read when torch is imported
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    tune_allocator()
     try:
         with warnings.catch_warnings():
             _print_notes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,10 @@ from . import circle, ellipse, yaw
 from .histograms import scaled_count
 from .network import crop_bounds
 from .ring import skeleton_points
-from .weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
+from .weights import load_networks
+
+Mask = Callable[[np.ndarray], np.ndarray]
+Weights = str | Path | tuple[Mask, Mask]
 
 
 def settings_for(camera: Camera, events_per_window: int | None = None) -> Settings:
@@ -35,26 +39,25 @@ class Estimator:
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        One of the shipped sets, `DOMAIN_GAPS`, or a folder with files named as the low-domain-gap ones.
-        Default: ``OURS.weights``, the set that the command line takes as well.
+        The two mask networks: one of the shipped sets, `DOMAIN_GAPS`, a folder with files named as the
+        low-domain-gap ones, or the two as callables ``(ring, reflectors)``, each from an image to a mask
+        (H, W) in [0, 1].  Default: ``OURS.weights``, the set that the command line takes as well.
     settings
         Default: `OURS`, its number of events kept per pixel of this camera.
     precision
-        Of the filters; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
+        Of the shipped networks; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
     """
 
     def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
-                 weights: str | Path = OURS.weights, settings: Settings | None = None,
+                 weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
         self.modality, self.settings = modality, settings or settings_for(self.camera)
-        shipped = weights in DOMAIN_GAPS
-        paths = [weight_path(f, modality, weights if shipped else "low") for f in FILTERS]
-        folder = paths[0].parent if shipped else Path(weights)
+        named = isinstance(weights, str | Path)
         self.ring_network, self.reflector_network = (
-            load_network(folder / p.name, modality, precision) for p in paths
+            load_networks(weights, modality, precision) if named else weights
         )
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
@@ -150,7 +153,7 @@ class Estimator:
     def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
         """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
         low, high = markers_box_px(candidates, self.port, self.camera, self.settings.marker_border_px)
-        rows, columns = crop_bounds(low, high, self.camera.size_px)
+        rows, columns = crop_bounds(low, high, self.camera.size_px, self.reflector_network)
         mask = np.zeros(image.shape[:2], np.float32)
         mask[rows, columns] = self.reflector_network(image[rows, columns])
         return mask

@@ -145,12 +145,13 @@ def window_histograms(
     """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last ``factor`` times as
     many, if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events'
     span."""
-    found = []
-    for some in (events[-number:] for number in (count, int(factor * count)) if number <= len(events)):
-        t_us = middle_us(some)
-        if not found or after_us is None or t_us > after_us:
-            found.append((t_us, histogram(some["x"], some["y"], size_px)))
-    return found
+    timed = []
+    for number in dict.fromkeys((count, int(factor * count))):
+        window = events[-number:]
+        t_us = middle_us(window) if number <= len(events) else None
+        if t_us is not None and (not timed or after_us is None or t_us > after_us):
+            timed.append((t_us, histogram(window["x"], window["y"], size_px)))
+    return timed
 
 
 def _check_count(count: int) -> None:

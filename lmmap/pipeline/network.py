@@ -8,9 +8,7 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 
 from __future__ import annotations
 
-import ctypes
 import os
-import sys
 
 import numpy as np
 import torch
@@ -19,11 +17,26 @@ from torch.nn import functional as F
 
 WIDTHS = (64, 128, 256)
 STRIDE_PX = 2 ** len(WIDTHS)
-RECEPTIVE_RADIUS_PX = 21
-BEFORE_PX, AFTER_PX = 8, 24  # a box's margin on the stride's grid, from its first and last strides
+KERNEL = 3  # of every convolution, along each axis
 CHANNELS = {"rgb": 3, "event": 1}
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
+
+
+def inputs_of(first: int, last: int) -> tuple[int, int]:
+    """The first and the last input, along one axis, on which the outputs ``first`` to ``last`` depend.
+
+    A transposed convolution of stride 2 gives ``y[2i]`` from ``x[i]`` and ``y[2i + 1]`` from ``x[i]`` and
+    ``x[i + 1]``; a convolution reaches half its kernel to each side, and pooling takes pairs.
+    """
+    for _ in WIDTHS:
+        first, last = first // 2, (last + 1) // 2
+    for _ in WIDTHS:
+        first, last = 2 * first - KERNEL // 2, 2 * last + 1 + KERNEL // 2
+    return first, last
+
+
+# an output depends on no input further away along an axis; outputs one stride apart depend on alike inputs
+RECEPTIVE_RADIUS_PX = max(abs(end - at) for at in range(STRIDE_PX) for end in inputs_of(at, at))
 
 
 class FilterNet(nn.Module):
@@ -32,8 +45,10 @@ class FilterNet(nn.Module):
     def __init__(self, channels: int, prior: float = 0.5):
         super().__init__()
         a, b, c = WIDTHS
-        self.down = nn.ModuleList([nn.Conv2d(i, o, 3, padding=1) for i, o in ((channels, a), (a, b), (b, c))])
-        up = dict(kernel_size=3, stride=2, padding=1, output_padding=1)
+        self.down = nn.ModuleList(
+            [nn.Conv2d(i, o, KERNEL, padding=1) for i, o in ((channels, a), (a, b), (b, c))]
+        )
+        up = dict(kernel_size=KERNEL, stride=2, padding=1, output_padding=1)
         self.up = nn.ModuleList([nn.ConvTranspose2d(i, o, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))])
         for layer in [*self.down, *self.up]:
             nn.init.kaiming_normal_(layer.weight)
@@ -93,20 +108,14 @@ def encode(images: np.ndarray, modality: str) -> torch.Tensor:
     return (x.clamp(max=8) / 8).unsqueeze(1)
 
 
-def tune_allocator() -> None:
-    """Have glibc keep the networks' large buffers: given back at each free and faulted in anew page by page,
-    they cost a fifth of the time.  Other allocators are left as they are."""
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt:
-        for option, size in ((M_MMAP_THRESHOLD, 64 << 20), (M_TRIM_THRESHOLD, 256 << 20)):
-            mallopt(option, size)
-
-
 class MaskNetwork:
     """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
 
     ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
     """
+
+    stride_px = STRIDE_PX  # what `crop_bounds` cuts by
+    inputs_of = staticmethod(inputs_of)
 
     def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
         self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
@@ -114,7 +123,6 @@ class MaskNetwork:
             raise ValueError(
                 f"MaskNetwork: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}"
             )
-        tune_allocator()
         self._dtype = PRECISIONS[self.precision]
         self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
 
@@ -129,12 +137,27 @@ class MaskNetwork:
         return torch.sigmoid(self._net(x)[0, 0].float()).numpy()
 
 
-def crop_bounds(low_px, high_px, size_px) -> tuple[slice, slice]:
-    """Rows and columns around a box, on the network's stride and padded by its receptive field, so
-    that the filter's output inside the box equals that on the full frame."""
+def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:
+    """Rows and columns of a crop around a box, in which a network gives what it gives on the whole image.
+
+    The crop keeps to the network's ``stride_px`` and holds the inputs (``inputs_of``) of every output in the
+    box.  Of a network without these, any callable, nothing is known, and the crop is the whole image.
+
+    Parameters
+    ----------
+    low_px, high_px : (2,)
+        Lowest and highest (u, v) of the box.
+    size_px : (width, height)
+        Of the image.
+    """
     size = np.asarray(size_px)
-    first = np.clip(np.floor(low_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
-    last = np.clip(np.ceil(high_px), 0, size - 1) // STRIDE_PX * STRIDE_PX
-    start = np.maximum(first - BEFORE_PX, 0).astype(int)
-    stop = np.minimum(last + AFTER_PX, size).astype(int)
+    if not hasattr(network, "inputs_of"):
+        return slice(0, int(size[1])), slice(0, int(size[0]))
+    stride = network.stride_px
+    lowest, highest = network.inputs_of(0, stride - 1)  # of the outputs of one stride
+    before_px, after_px = -(lowest // stride) * stride, (highest // stride + 1) * stride
+    first = np.clip(np.floor(low_px), 0, size - 1) // stride * stride
+    last = np.clip(np.ceil(high_px), 0, size - 1) // stride * stride
+    start = np.maximum(first - before_px, 0).astype(int)
+    stop = np.minimum(last + after_px, size).astype(int)
     return slice(start[1], stop[1]), slice(start[0], stop[0])

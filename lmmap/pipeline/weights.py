@@ -81,3 +81,12 @@ def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
     net = FilterNet(CHANNELS[modality])
     net.load_state_dict(load_weights(path, modality))
     return MaskNetwork(net, modality, precision)
+
+
+def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
+    """The networks of the ring and of the reflectors from a shipped set, one of `DOMAIN_GAPS`, or from a
+    folder with files named as the low-domain-gap ones; errors as `load_weights`."""
+    shipped = weights in DOMAIN_GAPS
+    paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
+    folder = paths[0].parent if shipped else Path(weights)
+    return [load_network(folder / path.name, modality, precision) for path in paths]

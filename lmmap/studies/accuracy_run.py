@@ -9,7 +9,7 @@ import joblib
 import pandas as pd
 
 from ..bench import laboratory, sequences, simulate
-from ..files import has_mark, write_text
+from ..files import has_mark, tune_allocator, write_text
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision
 from ..pipeline.run import estimate, merge_by_time
@@ -117,6 +117,7 @@ def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
 
 
 def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures=None) -> None:
+    tune_allocator()
     seconds = laboratory.SECONDS[profile][kind := name.split("-")[0]]
     seconds = seconds / EMPTY[profile] if kind == "empty" else seconds
     recording = bench_recording(name, seconds, folder, report)

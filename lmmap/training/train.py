@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from ..pipeline.network import CHANNELS, FilterNet, encode, tune_allocator
+from ..files import tune_allocator
+from ..pipeline.network import CHANNELS, FilterNet, encode
 from ..pipeline.weights import load_card, load_weights, save_weights, weight_path
 from ..provenance import commit
 from ..settings import PAPER

@@ -12,6 +12,7 @@ from lmmap.pipeline.network import (
     best_precision,
     crop_bounds,
     encode,
+    inputs_of,
     up_to_one_channel,
 )
 from lmmap.pipeline.run import images
@@ -191,3 +192,20 @@ def test_shipped_weights_load_and_say_how_they_were_made(path):
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])
     kinds = {s.split("-")[0] for s in card["training_sequences"] + card["validation_sequences"]}
     assert kinds == ({"augmented"} if gap == "high" else {"augmented", "realistic"})
+
+
+def test_crop_margins_follow_the_networks_stride_and_reach():
+    """By hand: after three poolings outputs 0 to 7 depend on cells 0 and 1, and these on inputs -7 to 22."""
+    assert inputs_of(0, 7) == (-7, 22) and inputs_of(1, 1)[1] == 22
+    rows, columns = crop_bounds((100, 80), (140, 120), (346, 260))
+    assert (rows, columns) == (slice(72, 144), slice(88, 160))
+
+    class Pointwise:
+        stride_px = 1
+        inputs_of = staticmethod(lambda first, last: (first, last))
+
+    assert crop_bounds((100, 80), (140, 120), (346, 260), Pointwise) == (slice(80, 121), slice(100, 141))
+    assert crop_bounds((100, 80), (140, 120), (346, 260), lambda image: image) == (
+        slice(0, 260),
+        slice(0, 346),
+    )

@@ -220,3 +220,16 @@ def test_misuse():
         Estimator(Camera(640, 480, 500, 500, 320, 240))(np.zeros((260, 346, 3), np.uint8))
     with pytest.raises(InputError, match="no readable weights"):
         Estimator(weights="nowhere")
+
+
+def test_the_networks_can_be_any_two_functions(recording):
+    T = recording.truth.poses[0]
+    ring, markers = ideal_masks(T, Port.lm_map(), recording.camera)
+    found = Estimator(recording.camera, weights=(lambda image: ring, lambda image: markers))(
+        recording.frames[0]
+    )
+    assert found.status == Status.OK
+    assert (
+        position_error_m(found.T_cam_port, T) < 0.002
+        and np.rad2deg(normal_error_rad(found.T_cam_port, T)) < 1
+    )

@@ -1,0 +1,115 @@
+"""The paper's own procedure, whole: its text and nothing else, where `estimator` is ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry.projection import undistort_points
+from ..settings import OURS, PAPER, PaperSettings
+from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
+from . import circle, ellipse, yaw
+from .estimator import Weights, settings_for
+from .ring import skeleton_points
+from .weights import load_networks
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """What the paper's procedure needs and its text leaves open."""
+
+    mask_threshold: float = 0.5  # of the binarisation: the middle of the sigmoid's range
+    min_ring_pixels: int = 60  # gamma_S: as in our pipeline
+    ransac_hypotheses: int = 500  # H: as in our pipeline
+    min_axis_ratio: float = 0.25  # of the check on the axes: as in our pipeline, 75 deg of tilt
+    ransac_tolerance_px: float = 1.5  # of an inlier, by its Sampson distance: as in our pipeline
+
+
+class PrintedEstimator:
+    """Pose of the port in one image by the paper's text, called as `Estimator` is.
+
+    One threshold, Zhang's skeleton, the count gamma_S, H ellipses through five points each with F = 1 in raw
+    pixels, the check of their axes' ratio, and a refit of the best one on its inliers.  Then centre and
+    normals by the printed formulas, and the yaw by the largest sum under the drawn markers, on both normals
+    at every degree.  No arc is too short and no marker too faint, since the text names no such gate; its
+    outlier filter is `tracking.outliers.outlier_filter`.
+
+    The text knows no lens distortion.  Of a camera that has some, the skeleton's points are undistorted.
+
+    Parameters
+    ----------
+    camera, port, modality, weights, precision
+        As `Estimator`.
+    assumptions
+        What the text leaves open.
+    paper
+        What the text states.
+    """
+
+    def __init__(
+        self,
+        camera: Camera | None = None,
+        port: Port | None = None,
+        modality: str = "rgb",
+        weights: Weights = OURS.weights,
+        assumptions: Assumptions | None = None,
+        paper: PaperSettings = PAPER,
+        precision: str = "auto",
+    ):
+        if modality not in ("rgb", "event"):
+            raise ValueError(f"PrintedEstimator: modality is 'rgb' or 'event', got {modality!r}")
+        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
+        self.modality, self.paper = modality, paper
+        self.assumptions = assumptions or Assumptions()
+        # for `run`, which cuts the recording into images: N events once, and no second look
+        self.settings = replace(settings_for(self.camera), second_look_factor=1.0)
+        named = not isinstance(weights, tuple)
+        self.ring_network, self.reflector_network = (
+            load_networks(weights, modality, precision) if named else weights
+        )
+
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of one image; a failed measurement is a status, not an exception.
+
+        Raises
+        ------
+        ValueError
+            If the image's size is not the camera's.
+        """
+        if image.shape[:2] != self.camera.size_px[::-1]:
+            shape = self.camera.size_px[::-1]
+            raise ValueError(f"PrintedEstimator: images have (H, W) = {shape}, got {image.shape}")
+        points_px = self.skeleton(self.ring_network(image))
+        if len(points_px) < self.assumptions.min_ring_pixels:
+            return Estimate(t_us, Status.NO_RING)
+        ring = self.fit_ellipse(points_px)
+        if ring is None:
+            return Estimate(t_us, Status.NO_ELLIPSE)
+        fit = self.find_yaw(self.reflector_network(image), self.candidates(ring))
+        return Estimate(
+            t_us,
+            Status.OK,
+            fit.T_cam_port,
+            rival=fit.rival,
+            ellipse=ring,
+            marker_score=fit.score,
+            rival_score=fit.rival_score,
+        )
+
+    def skeleton(self, ring_mask: np.ndarray) -> np.ndarray:
+        """Pixels (M, 2) of the skeleton of the mask (H, W) above one threshold."""
+        points_px = skeleton_points(ring_mask, self.assumptions.mask_threshold, peak_share=0.0)
+        return undistort_points(points_px, self.camera)
+
+    def fit_ellipse(self, points_px: np.ndarray) -> Ellipse | None:
+        """The ellipse of the paper's RANSAC through points (M, 2), or None where no hypothesis passes."""
+        return ellipse.paper_ransac(points_px, np.random.default_rng(0), self.assumptions)[0]
+
+    def candidates(self, ring: Ellipse) -> Pose:
+        """Poses (2,) by the printed formulas for centre and normals; their yaw is arbitrary."""
+        return circle.paper_poses(ring, self.camera, self.port.ring_radius_m)
+
+    def find_yaw(self, reflector_mask: np.ndarray, candidates: Pose) -> yaw.YawFit:
+        """The better normal and its yaw, by the paper's grid, from a mask (H, W)."""
+        return yaw.paper_yaw(reflector_mask, candidates, self.port, self.camera, self.paper)
