@@ -16,6 +16,7 @@ from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
 from .histograms import scaled_count
+from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
 from .ring import skeleton_points
 from .weights import load_networks
@@ -35,7 +36,7 @@ class Estimator:
     Parameters
     ----------
     camera, port
-        Default: the bench's DAVIS 346 and the LM-MAP.
+        Default: the bench's DAVIS 346 and the LM-MAP.  A camera may be the path of its calibration.
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
@@ -48,12 +49,12 @@ class Estimator:
         Of the shipped networks; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
     """
 
-    def __init__(self, camera: Camera | None = None, port: Port | None = None, modality: str = "rgb",
+    def __init__(self, camera: AnyCamera = None, port: Port | None = None, modality: str = "rgb",
                  weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         if modality not in ("rgb", "event"):
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
-        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
+        self.camera, self.port = as_camera(camera), port or Port.lm_map()
         self.modality, self.settings = modality, settings or settings_for(self.camera)
         named = isinstance(weights, str | Path)
         self.ring_network, self.reflector_network = (
@@ -66,13 +67,10 @@ class Estimator:
         Raises
         ------
         ValueError
-            If the image's size is not the camera's.
+            If the image is not of the camera's size, or not as the modality has it: float, grey and RGBA
+            images are refused.  BGR cannot be told from RGB.
         """
-        if not isinstance(image, np.ndarray):
-            raise ValueError(f"image: expected a numpy array, got {type(image).__name__}")
-        if image.shape[:2] != self.camera.size_px[::-1]:
-            shape = self.camera.size_px[::-1]
-            raise ValueError(f"Estimator: the camera's images have (H, W) = {shape}, got {image.shape}")
+        check_image(image, self.modality, self.camera)
         ring, coverage = self.find_ring(self.ring_network(image))
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)

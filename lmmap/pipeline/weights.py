@@ -53,6 +53,11 @@ def shipped_gaps() -> list[str]:
 def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
     """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
     path = Path(path)
+    if not path.parent.is_dir():
+        sets = ", ".join(shipped_gaps())
+        raise InputError(
+            f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
+        )
     try:
         if path.is_file() and path.stat().st_size > MAX_BYTES:
             raise ValueError(f"larger than {MAX_BYTES} bytes")
