@@ -1,0 +1,56 @@
+"""EVO's numbers, each with where it comes from.
+
+``EVO``: Rebecq, Horstschaefer, Gallego, Scaramuzza, "EVO: A Geometric Approach to Event-based 6-DOF
+Parallel Tracking and Mapping in Real-time", RA-L 2017.  ``EMVS``: Rebecq, Gallego, Mueggler, Scaramuzza,
+"EMVS: Event-based Multi-View Stereo", IJCV 2018.  ``open``: the papers name the quantity but no number that
+carries over, or leave the step to the implementer; these were chosen here on the scenes of `scenes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Every number that the method is free to choose.  Lengths in the map are in units of its own scale."""
+
+    # event frames
+    events_per_frame: int = 4000  # EVO: about 2000 on 240 x 180 px; the same density on 346 x 260
+    events_per_step: int = 2000  # open: a pose for each half frame of new events
+    count_limit: int = 2  # open: events of one pixel that count
+    frame_blur_px: float = 1.0  # open
+
+    # space sweep
+    planes: int = 100  # EMVS, EVO: number of depth planes
+    packet_events: int = 256  # EMVS: events that share a camera pose
+    nearest_plane: float = 0.40  # open: of the mean depth; planes are uniform in inverse depth (EMVS)
+    farthest_plane: float = 2.5  # open: of the mean depth
+    threshold_window_px: int = 5  # EMVS: neighbourhood of the adaptive Gaussian threshold
+    threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits
+    median_window_px: int = 15  # EMVS: median filter of the semi-dense depth map
+    cleaning_radius_px: int = 5  # EMVS removes isolated points by a radius filter; open: the numbers
+    cleaning_neighbours: int = 6  # open
+    cleaning_depth_ratio: float = 0.08  # open: relative difference of depth that still is a neighbour
+    map_events: int = 300_000  # open: the most events of one map
+    map_points: int = 800  # open: the fewest points of a map that is used
+    map_baseline: float = 0.20  # open: of the mean depth; events seen from farther away are not used
+
+    # tracking
+    reference_blur_px: float = 1.5  # EVO blurs the projected map; open: how much
+    reference_points: int = 6000  # open: pixels of the reference that are aligned, at most
+    reference_shift_px: float = 8.0  # open: mean motion after which the map is projected anew
+    iterations: int = 15  # open
+    smallest_step: float = 1e-4  # open: of pose increments (rad, and mean depths)
+    damping: float = 1e-3  # open: of the normal equations' diagonal
+
+    # keyframes and bootstrapping
+    keyframe_distance: float = 0.15  # EMVS, EVO: of the mean depth; they give 15 to 40 %
+    keyframe_overlap: float = 0.60  # open: share of the map within the image
+    local_keyframes: int = 2  # open: keyframes whose points make the map
+    bootstrap_distance: float = 0.06  # open: of the plane's depth, before the first space sweep
+    bootstrap_rounds: int = 14  # open: times that the first stretch is mapped and tracked again
+    bootstrap_maps: int = 3  # open: maps until poses count as tracked
+    bootstrap_events: int = 8000  # open: events of the first, planar map
+    lost_similarity: float = 0.25  # open: cosine of map and event frame below which a frame is lost
+    lost_frames: int = 20  # open: lost frames in a row that end a track

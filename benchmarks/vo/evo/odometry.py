@@ -1,0 +1,220 @@
+"""EVO: tracking and mapping by turns, with keyframes and a start from a fronto-parallel plane.
+
+The map's frame ("world") is the camera's at the start of a track, and its unit of length is the depth of the
+plane that the first map is laid on: the scale is arbitrary.
+
+The start follows the paper: the first events are a map at depth 1, and the space sweep that follows replaces
+it.  While the map is the plane, only translation is estimated, since a plane without relief hardly tells
+rotation from translation.  The first stretch is then mapped and tracked again several times, over a baseline
+that grows, which takes the plane's error out of the map; the papers leave that to the later keyframes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lmmap.types import Camera, Pose, Trajectory
+
+from . import mapping, tracking
+from .constants import Constants
+from .event_frames import event_frame
+
+TRANSLATION, ALL = 3, 6  # components of a pose that are estimated
+
+
+@dataclass
+class Keyframe:
+    """A semi-dense map and where it was made: ``T_cam_world`` of its reference camera."""
+
+    t_us: int
+    rotation: np.ndarray
+    position: np.ndarray
+    map: mapping.DepthMap
+    points: np.ndarray  # (N, 3) in the world
+    mean_depth: float
+
+
+@dataclass
+class Track:
+    """One map's life: poses ``T_cam_world`` since its bootstrap, and the keyframes made."""
+
+    t_us: list[int] = field(default_factory=list)
+    rotation: list[np.ndarray] = field(default_factory=list)
+    position: list[np.ndarray] = field(default_factory=list)
+    event: list[int] = field(default_factory=list)  # in the middle of each pose's frame
+    keyframes: list[Keyframe] = field(default_factory=list)  # without the plane
+    ready_us: int | None = None  # when the bootstrap was over
+    lost: bool = False
+
+    def trajectory(self) -> Trajectory:
+        """Poses from the end of the bootstrap on."""
+        since = len(self.t_us) if self.ready_us is None else int(np.searchsorted(self.t_us, self.ready_us))
+        rotation, position = np.array(self.rotation[since:]), np.array(self.position[since:])
+        return Trajectory(self.t_us[since:], Pose(rotation.reshape(-1, 3, 3), position.reshape(-1, 3)))
+
+
+class Odometry:
+    """EVO over a recording's events; `run` returns its tracks, of which a new one begins after each loss."""
+
+    def __init__(self, camera: Camera, constants: Constants | None = None):
+        if any(camera.distortion):
+            raise ValueError(
+                "camera: expected no lens distortion, got coefficients; undistort the events first"
+            )
+        self.camera, self.constants = camera, constants or Constants()
+        self.K, self.size_px = camera.K, camera.size_px
+
+    def run(self, events, first_depth: np.ndarray | None = None) -> list[Track]:
+        """Tracks of events (N,) EVENT in the order of time.
+
+        ``first_depth`` (H, W) takes the place of the plane, for tests of tracking and mapping alone.
+        """
+        c, tracks, start = self.constants, [], 0
+        self._t_us, self._x, self._y = (np.ascontiguousarray(events[name]) for name in ("t_us", "x", "y"))
+        while start + c.bootstrap_events + c.events_per_frame < len(events):
+            track, start = self._follow(start, first_depth)
+            tracks.append(track)
+        return tracks
+
+    def _follow(self, start: int, first_depth) -> tuple[Track, int]:
+        """Bootstrap at an event and track until lost or out of events; the track, and where it ended."""
+        c, track = self.constants, Track()
+        self._bootstrap(start, first_depth)
+        stop = first_stop = start + (c.bootstrap_events + c.events_per_frame) // 2
+        while stop < len(self._t_us):
+            self._track(track, stop)
+            if self._lost_frames >= c.lost_frames or not np.isfinite(track.position[-1]).all():
+                track.lost = True
+                return track, stop
+            if not self._lost_frames and self._wants_keyframe(track) and self._map(track) and self._rounds:
+                self._rounds -= 1
+                if self._rounds:
+                    self._return_to_start(track)
+                    stop = first_stop
+                    continue
+            stop += c.events_per_step
+        return track, len(self._t_us)
+
+    def _bootstrap(self, start: int, first_depth) -> None:
+        """The first map: events of a short time, laid on a fronto-parallel plane at depth 1 (EVO)."""
+        c = self.constants
+        image = self._frame(start, start + c.bootstrap_events)
+        plane = 1.0 if first_depth is None else first_depth
+        depth = mapping.DepthMap(np.where(image > 0.5, plane, 0.0), image)
+        self._points = depth.points(self.K)
+        self._free = TRANSLATION if first_depth is None else ALL
+        self._rounds = c.bootstrap_rounds if first_depth is None else 0
+        self._first_pose = np.eye(3), np.zeros(3)
+        self._centre, self._keyframe_depth = np.zeros(3), float(np.median(self._points[:, 2]))
+        self._reference, self._lost_frames = None, 0
+
+    def _return_to_start(self, track: Track) -> None:
+        """Forget the poses of the first stretch, but not the map they have led to."""
+        self._first_pose = track.rotation[0], track.position[0]
+        self._centre = -track.rotation[0].T @ track.position[0]
+        for values in (track.t_us, track.rotation, track.position, track.event, track.keyframes):
+            values.clear()
+
+    def _frame(self, start: int, stop: int) -> np.ndarray:
+        c, x, y = self.constants, self._x[start:stop], self._y[start:stop]
+        return event_frame(x, y, self.size_px, c.count_limit, c.frame_blur_px)
+
+    def _track(self, track: Track, stop: int) -> None:
+        """Align the frame of the events before ``stop`` and add its pose."""
+        c, middle = self.constants, stop - self.constants.events_per_frame // 2
+        t_us = int(self._t_us[middle])
+        R, t = self._predict(track, t_us)
+        if self._reference is None:
+            self._reference = tracking.project_map(self._points, R, t, self.K, self.size_px, c)
+        ref = self._reference
+        R_cam_ref = R @ ref.rotation.T
+        t_cam_ref = t - R_cam_ref @ ref.position
+        image = self._frame(stop - c.events_per_frame, stop)
+        R_cam_ref, t_cam_ref, similarity, shift_px = tracking.align(
+            image, ref, R_cam_ref, t_cam_ref, self.K, c, self._free
+        )
+        self._lost_frames = self._lost_frames + 1 if similarity < c.lost_similarity else 0
+        track.t_us.append(t_us if not track.t_us else max(t_us, track.t_us[-1] + 1))
+        track.rotation.append(_orthonormal(R_cam_ref @ ref.rotation))
+        track.position.append(R_cam_ref @ ref.position + t_cam_ref)
+        track.event.append(middle)
+        if shift_px > c.reference_shift_px:
+            self._reference = None
+
+    def _predict(self, track: Track, t_us: int) -> tuple[np.ndarray, np.ndarray]:
+        """Pose at a time, by the velocity over the last two steps."""
+        if not track.t_us:
+            return self._first_pose
+        R, t = track.rotation[-1], track.position[-1]
+        if len(track.t_us) < 3 or self._lost_frames:
+            return R, t
+        share = min((t_us - track.t_us[-1]) / max(track.t_us[-1] - track.t_us[-3], 1), 1.0)
+        D = 0.5 * share * (R @ track.rotation[-3].T - track.rotation[-3] @ R.T)  # of a small turn: its matrix
+        turn = np.array([0, 0, 0, D[2, 1], D[0, 2], D[1, 0]])
+        return tracking.exponential(turn)[0] @ R, t + share * (t - track.position[-3])
+
+    def _wants_keyframe(self, track: Track) -> bool:
+        """Has the camera moved far enough from the last keyframe, or left its map behind?"""
+        c = self.constants
+        centre = -track.rotation[-1].T @ track.position[-1]
+        distance = np.linalg.norm(centre - self._centre) / self._keyframe_depth
+        if self._reference is not None and self._reference.visible < c.keyframe_overlap:
+            return distance > c.keyframe_distance / 4
+        share = 1 - self._rounds / c.bootstrap_rounds
+        return distance > c.bootstrap_distance + share * (c.keyframe_distance - c.bootstrap_distance)
+
+    def _map(self, track: Track) -> bool:
+        """A space sweep over the last events, seen from the present pose; its points join the map."""
+        c, R, t = self.constants, track.rotation[-1], track.position[-1]
+        z = self._points @ R[2] + t[2]
+        mean_depth = float(np.median(z[z > 0])) if (z > 0).any() else 1.0
+        start, stop = self._swept_events(track, c.map_baseline * mean_depth)
+        if stop - start < 20 * c.packet_events:
+            return False
+        middles = np.arange(start + c.packet_events // 2, stop, c.packet_events)
+        R_cam, t_cam = _interpolate(middles, track)
+        R_ref_cam = R @ np.swapaxes(R_cam, -1, -2)
+        t_ref_cam = t - np.einsum("nij,nj->ni", R_ref_cam, t_cam)
+        planes = mapping.inverse_depths(c.nearest_plane * mean_depth, c.farthest_plane * mean_depth, c.planes)
+        dsi = mapping.space_sweep(self._x[start:stop], self._y[start:stop], R_ref_cam, t_ref_cam, self.K,
+                                  self.size_px, planes, c.packet_events)  # fmt: skip
+        depth = mapping.extract(dsi, planes, c)
+        seen = depth.points(self.K)
+        if len(seen) < c.map_points:
+            return False
+        keyframe = Keyframe(track.t_us[-1], R, t, depth, (seen - t) @ R, float(np.median(seen[:, 2])))
+        track.keyframes.append(keyframe)
+        self._centre, self._keyframe_depth = -R.T @ t, keyframe.mean_depth
+        local = c.local_keyframes if len(track.keyframes) > c.bootstrap_maps else 1
+        self._points = np.concatenate([k.points for k in track.keyframes[-local:]])
+        self._reference, self._free = None, ALL
+        if len(track.keyframes) >= c.bootstrap_maps and track.ready_us is None:
+            track.ready_us = track.t_us[-1]
+        return True
+
+    def _swept_events(self, track: Track, baseline: float) -> tuple[int, int]:
+        """First event and end of whole packets, seen from within ``baseline`` of the present pose."""
+        c = self.constants
+        centres = -np.einsum("nji,nj->ni", np.array(track.rotation), np.array(track.position))
+        far = np.flatnonzero(np.linalg.norm(centres - centres[-1], axis=1) > baseline)
+        stop = track.event[-1]
+        count = min(stop - track.event[far[-1] + 1 if len(far) else 0], c.map_events)
+        return stop - count // c.packet_events * c.packet_events, stop
+
+
+def _orthonormal(R: np.ndarray) -> np.ndarray:
+    """The rotation nearest to a matrix that is almost one."""
+    return 0.5 * R @ (3 * np.eye(3) - R.T @ R)
+
+
+def _interpolate(events, track: Track) -> tuple[np.ndarray, np.ndarray]:
+    """Poses at event numbers, between the track's: (N, 3, 3) and (N, 3)."""
+    known, rotation, position = (np.array(a) for a in (track.event, track.rotation, track.position))
+    k = np.clip(np.searchsorted(known, events) - 1, 0, len(known) - 2)
+    share = np.clip((events - known[k]) / (known[k + 1] - known[k]), 0, 1)[:, None]
+    turn = Rotation.from_matrix(rotation[k + 1] @ np.swapaxes(rotation[k], -1, -2)).as_rotvec()
+    R = Rotation.from_rotvec(share * turn).as_matrix() @ rotation[k]
+    return R, position[k] + share * (position[k + 1] - position[k])
