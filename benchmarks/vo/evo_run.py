@@ -2,7 +2,7 @@
 
 evo_run.py FOLDER MODALITY START_S TRAJECTORY
 
-Events come from ``FOLDER.npz``.  Poses are written at the times of the event frames that the others get, so
+Events come from ``FOLDER.h5``.  Poses are written at the times of the event frames that the others get, so
 that all counts compare; a frame before the first space sweeps are done counts as initialising.
 """
 
@@ -19,7 +19,7 @@ from lmmap.recordings.formats import open_recording
 
 
 def main(folder: str, modality: str, start_s: str, output: str, *_) -> None:
-    recording = open_recording(Path(f"{folder}.npz"))
+    recording = open_recording(Path(f"{folder}.h5"))
     times_s = [t_s for t_s, _ in Frames(Path(folder), modality, float(start_s)).rows]
     times_us = np.rint(1e6 * np.array(times_s)).astype(np.int64)
     events = recording.events[np.searchsorted(recording.events["t_us"], times_us[0]) :]

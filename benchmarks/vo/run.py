@@ -1,8 +1,9 @@
-"""`make vo`: run ORB-SLAM3 and SVO on the bench's recordings, estimate our poses on them, keep all tracks.
+"""`make vo`: run ORB-SLAM3, SVO and EVO on the bench's recordings, estimate our poses, keep all tracks.
 
-Simulates the sequences, exports them, and starts each run in a process of its own from `.venv-vo`.  What
-is done is kept in data/derived/vo under a hash of what made it, so that an interrupted benchmark goes on.
-Ends by writing data/results/odometry: tracks, truth, run log, provenance.
+Simulates the sequences, exports them, and starts each run in a process of its own, ORB-SLAM3's and SVO's
+from `.venv-vo`.  ``--methods EVO`` runs that alone and keeps the committed rows of the others.  What is done
+is kept in data/derived/vo under a hash of what made it, so that an interrupted benchmark goes on.  Ends by
+writing data/results/odometry: tracks, truth, run log, provenance.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import itertools
 import json
 import os
 import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -24,7 +26,7 @@ from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, profile, save_tabl
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.studies import accuracy_run, odometry, odometry_files
-from lmmap.types import Port, Trajectory
+from lmmap.types import InputError, Port, Trajectory
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
@@ -32,7 +34,8 @@ RUNS = 2  # of each start, by default: neither system is deterministic
 TRUTH_HZ = 20  # the motion is slow: interpolating this is exact to 0.02 mm
 TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far too busy
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
-RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py"}
+RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py", "EVO": "evo_run.py"}
+EVENTS_ALONE, OWN = ("EVO",), ("EVO",)  # methods that know no frames; written here, and so deterministic
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
 
 
@@ -77,7 +80,7 @@ def run(
     counts, limit_s = dict.fromkeys(odometry.COUNTS), seconds - start_s + TIMEOUT_S
     with (track.with_suffix(".log")).open("w") as log:
         try:  # in a session of its own: Ctrl-C is for us, and no failure of theirs
-            command = [PYTHON, HERE / RUNNERS[method], *arguments]
+            command = [sys.executable if method in OWN else PYTHON, HERE / RUNNERS[method], *arguments]
             code = subprocess.run(command, stdout=log, stderr=log, timeout=limit_s, check=False,
                                   start_new_session=True).returncode  # fmt: skip
             outcome = f"crashed, signal {-code}" if code < 0 else f"ended with code {code}"
@@ -93,21 +96,34 @@ def run(
     return {**row, "outcome": outcome, **counts, "file": track.name}
 
 
-def runs(pool: ThreadPoolExecutor, folder: Path, marks: dict[str, str], seconds: float, repeats: int):
-    """Start all runs of the odometries and yield their rows; those kept are not repeated."""
-    words = fingerprint(patterns=(f"{folder.relative_to(ROOT)}/vocabulary.txt",))
+def runs(
+    pool: ThreadPoolExecutor, folder: Path, marks: dict[str, str], seconds: float, repeats: int, methods
+):
+    """Start all runs of the odometries and yield their rows; those kept are not repeated.
+
+    A deterministic method runs once from each start.
+    """
+    vocabulary = f"{folder.relative_to(ROOT)}/vocabulary.txt"
 
     def one(job):
         (number, start), method, modality, name = job
         path = folder / "tracks" / f"{method}-{modality}-{name}-{number:02d}.json"
         scripts = (*SCRIPTS, f"benchmarks/vo/{RUNNERS[method]}")
-        mark = marks[name] + words + fingerprint(str(start), patterns=scripts)
+        own = ("benchmarks/vo/evo/*.py",) if method in OWN else (vocabulary,)
+        mark = marks[name] + fingerprint(str(start), patterns=(*scripts, *own))
         kept(path, mark, lambda: path.write_text(
             json.dumps(run(method, modality, name, start * seconds, number, folder, seconds))))  # fmt: skip
         return json.loads(path.read_text())
 
     starts = enumerate(STARTS * repeats)
-    return pool.map(one, itertools.product(starts, RUNNERS, odometry.MODALITIES, marks))
+    jobs = itertools.product(starts, methods, odometry.MODALITIES, marks)
+    return pool.map(one, (job for job in jobs if _is_meant(*job)))
+
+
+def _is_meant(numbered_start, method: str, modality: str, _name: str) -> bool:
+    """Not frames for a method of events, nor a deterministic method again."""
+    again = method in OWN and numbered_start[0] >= len(STARTS)
+    return not again and not (method in EVENTS_ALONE and modality != "event")
 
 
 def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
@@ -134,12 +150,12 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
 
-def publish(rows: list[dict], folder: Path, facts: dict) -> None:
-    """Copy tracks and truth to data/results/odometry, with the log; tracks of other methods go."""
+def publish(rows: list[dict], folder: Path, facts: dict, kept_rows: list[dict]) -> None:
+    """Copy tracks and truth to data/results/odometry, with the log; tracks not in ``kept_rows`` go."""
     target = odometry.FOLDER
     target.mkdir(parents=True, exist_ok=True)
     for old in target.glob("*.tum"):
-        if not old.name.startswith("EVO-"):
+        if old.name not in {row["file"] for row in kept_rows}:
             old.unlink()
     for name in odometry.SEQUENCES:
         truth = read_trajectory(folder / f"{name}.truth.csv")
@@ -149,8 +165,8 @@ def publish(rows: list[dict], folder: Path, facts: dict) -> None:
     for row in rows:
         lines = (folder / "tracks" / row["file"]).read_text().splitlines()
         (target / row["file"]).write_text("".join(_short(line) + "\n" for line in lines))
-    save_table(target / "runs.csv", pd.DataFrame(rows), **facts)
-    say(f"{target.relative_to(ROOT)}: {len(rows)} runs written")
+    save_table(target / "runs.csv", pd.DataFrame(kept_rows + rows), **facts)
+    say(f"{target.relative_to(ROOT)}: {len(rows)} runs written, {len(kept_rows)} kept")
 
 
 def _short(line: str) -> str:
@@ -165,29 +181,56 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 2,
                         help="runs at a time; each wants a third of a core, in real time")  # fmt: skip
     parser.add_argument("--runs", type=int, default=RUNS, help="of each of the three starts")
+    parser.add_argument("--methods", nargs="+", choices=RUNNERS, metavar="METHOD",
+                        help="run these alone, and keep the committed rows of all others")  # fmt: skip
     arguments = parser.parse_args()
+    methods = arguments.methods or list(RUNNERS)
     seconds, folder = SECONDS[profile()], DERIVED_DATA / "vo" / profile()
     (folder / "tracks").mkdir(parents=True, exist_ok=True)
+    facts, kept_rows, rows = {"profile": profile(), "seconds": seconds}, [], []
+    if arguments.methods:
+        kept_rows, facts = _kept_rows(methods, facts)
     marks = {name: prepare(name, seconds, folder) for name in odometry.SEQUENCES}
-    words = folder / "vocabulary.txt"
-    mark = fingerprint(patterns=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
-    kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
-    rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
+    if not arguments.methods:
+        rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
+    if set(methods) - set(OWN):
+        facts["vocabulary_sha256"] = _vocabulary(folder / "vocabulary.txt")
+        pins = (HERE / "requirements.txt").read_text().splitlines()
+        facts["pins"] = [line.strip() for line in pins if "==" in line]
     with ThreadPoolExecutor(arguments.workers) as pool:  # after ours, for theirs run in real time
         try:
-            rows += runs(pool, folder, marks, seconds, arguments.runs)
+            rows += runs(pool, folder, marks, seconds, arguments.runs, methods)
         except BaseException:  # those under way end, and are kept; no other begins
             pool.shutdown(cancel_futures=True)
             raise
-    vocabulary = subprocess.run(
-        ["sha256sum", words], capture_output=True, text=True, check=True
-    ).stdout.split()[0]
-    pins = [line.strip() for line in (HERE / "requirements.txt").read_text().splitlines() if "==" in line]
-    publish(
-        rows,
-        folder,
-        {"profile": profile(), "seconds": seconds, "vocabulary_sha256": vocabulary, "pins": pins},
-    )
+    publish(rows, folder, facts, kept_rows)
+
+
+def _vocabulary(words: Path) -> str:
+    """Train ORB-SLAM3's vocabulary where it is not there yet; its SHA-256."""
+    mark = fingerprint(patterns=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
+    kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
+    return subprocess.run(["sha256sum", words], capture_output=True, text=True, check=True).stdout.split()[0]
+
+
+def _kept_rows(methods: list[str], facts: dict) -> tuple[list[dict], dict]:
+    """Committed rows of all other methods, and the facts with the commit that made those rows.
+
+    Raises
+    ------
+    InputError
+        If the committed rows are of another profile: runs of different lengths do not compare.
+    """
+    log = pd.read_csv(odometry.FOLDER / "runs.csv")
+    before = json.loads((odometry.FOLDER / "runs.provenance.json").read_text())
+    if before["profile"] != facts["profile"]:
+        raise InputError(
+            f"{odometry.FOLDER / 'runs.csv'}: its runs are of the profile {before['profile']}, not of "
+            f"{facts['profile']}; set PROFILE, or run all methods"
+        )
+    inherited = {key: before[key] for key in ("vocabulary_sha256", "pins") if key in before}
+    facts = facts | inherited | {"kept_commit": before.get("kept_commit", before["commit"])}
+    return log[~log.method.isin(methods)].to_dict("records"), facts
 
 
 if __name__ == "__main__":

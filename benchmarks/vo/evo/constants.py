@@ -24,8 +24,8 @@ class Constants:
     # space sweep
     planes: int = 100  # EMVS, EVO: number of depth planes
     packet_events: int = 256  # EMVS: events that share a camera pose
-    nearest_plane: float = 0.40  # open: of the mean depth; planes are uniform in inverse depth (EMVS)
-    farthest_plane: float = 2.5  # open: of the mean depth
+    nearest_plane: float = 0.35  # open: of the mean depth; planes are uniform in inverse depth (EMVS)
+    farthest_plane: float = 4.0  # open: of the mean depth
     threshold_window_px: int = 5  # EMVS: neighbourhood of the adaptive Gaussian threshold
     threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits
     median_window_px: int = 15  # EMVS: median filter of the semi-dense depth map
@@ -41,7 +41,7 @@ class Constants:
     reference_points: int = 6000  # open: pixels of the reference that are aligned, at most
     reference_shift_px: float = 8.0  # open: mean motion after which the map is projected anew
     iterations: int = 15  # open
-    smallest_step: float = 1e-4  # open: of pose increments (rad, and mean depths)
+    smallest_step: float = 2e-5  # open: of pose increments (rad, and mean depths)
     damping: float = 1e-3  # open: of the normal equations' diagonal
 
     # keyframes and bootstrapping

@@ -17,7 +17,7 @@ from .constants import Constants
 
 @dataclass(frozen=True)
 class DepthMap:
-    """Semi-dense: ``depth (H, W)`` along the reference camera's axis, 0 where unknown; ``confidence (H, W)``."""
+    """Semi-dense: ``depth (H, W)`` along the reference's axis, 0 where unknown; ``confidence (H, W)``."""
 
     depth: np.ndarray
     confidence: np.ndarray

@@ -98,8 +98,8 @@ def room(layout: str) -> Room:
 def motion(s: Scene, t_s) -> Pose:
     """``T_cam_world`` at times (N,): sums of three sinusoids along and about each axis.
 
-    The camera begins with a slide: rotation sets in between 1 and 3 s (divided by the speed).  EVO's start from
-    a plane asks for that; see `odometry.Odometry`.
+    The camera begins with a slide: rotation sets in between 1 and 3 s (divided by the speed).  EVO's start
+    from a plane asks for that; see `odometry.Odometry`.
     """
     rng, t_s = np.random.default_rng(zlib.crc32(f"motion {s.name}".encode())), np.asarray(t_s, float)
 
@@ -150,20 +150,15 @@ def depth_image(s: Scene, T_cam_world: Pose, camera: Camera) -> np.ndarray:
     return render(room(s.layout), T_cam_world, camera, 1)[1]
 
 
-def simulate(s: Scene, camera: Camera | None = None, sensor: Sensor | None = None, seconds: float | None = None,
-             progress=None) -> Recording:  # fmt: skip
+def simulate(s: Scene, camera: Camera | None = None, seconds: float | None = None) -> Recording:
     """Record a scene's events and true motion; no frames."""
     camera, seconds = camera or Camera.davis346(), s.seconds if seconds is None else seconds
-    device = EventSensor(
-        camera, sensor or Sensor(), np.random.default_rng(zlib.crc32(f"events {s.name}".encode()))
-    )
+    device = EventSensor(camera, Sensor(), np.random.default_rng(zlib.crc32(f"events {s.name}".encode())))
     where, parts = room(s.layout), [np.empty(0, EVENT)]
     for t_us in _render_times_us(s, where, camera, seconds).tolist():
         reflectance = render(where, motion(s, [t_us * 1e-6])[0], camera)[0]
         image = cv2.resize(reflectance, camera.size_px, interpolation=cv2.INTER_AREA)
-        parts.append(device(renderer.lens(image, LENS_BLUR_PX) * FULL_SCALE, t_us))
-        if progress:
-            progress(t_us * 1e-6)
+        parts.append(device(renderer.apply_lens(image, LENS_BLUR_PX) * FULL_SCALE, t_us))
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
     none = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
     truth = Trajectory(truth_us, motion(s, truth_us * 1e-6))
@@ -205,7 +200,7 @@ def _box(centre, size, yaw_rad: float) -> list[np.ndarray]:
 
 
 def _texture(size_m, rng: np.random.Generator) -> np.ndarray:
-    """Reflectances of random polygons on a grey ground, (rows along the second edge, columns along the first)."""
+    """Reflectances of random polygons on grey: rows along the second edge, columns along the first."""
     columns, rows = np.maximum(np.ceil(np.asarray(size_m) / TEXEL_M).astype(int), 8)
     image = np.full((rows, columns), rng.uniform(0.25, 0.6), np.float32)
     for _ in range(3 + int(7 * size_m[0] * size_m[1])):

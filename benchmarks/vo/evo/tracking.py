@@ -5,8 +5,8 @@ With reference image M (the map as its last projection shows it), event frame I 
 
     sum_u (M(W(u; xi)) - g I(W(u; T)))^2
 
-and sets ``T <- T exp(xi)^-1``.  The Jacobian of M and the normal equations' matrix belong to the reference and
-are computed once.  The gain g makes up for the two images' different brightness.
+and sets ``T <- T exp(xi)^-1``.  The Jacobian of M belongs to the reference and is computed once.  The gain g
+makes up for the two images' different brightness.
 """
 
 from __future__ import annotations
@@ -77,8 +77,11 @@ def project_map(points, rotation, position, K, size_px, constants: Constants) ->
     seen = rays * depth[:, None]
     jacobian = np.einsum("ni,nij->nj", gradient, warp_jacobian(seen, K))
     mean_depth = float(np.median(depth)) if len(depth) else np.nan
-    return Reference(rotation, position, np.ascontiguousarray(seen, float), image[v, u].astype(float),
-                     np.ascontiguousarray(jacobian, float), inside / max(len(points), 1), mean_depth)  # fmt: skip
+    visible = inside / max(len(points), 1)
+    brightness, jacobian = image[v, u].astype(float), np.ascontiguousarray(jacobian, float)
+    return Reference(
+        rotation, position, np.ascontiguousarray(seen), brightness, jacobian, visible, mean_depth
+    )
 
 
 def align(image, reference: Reference, rotation, position, K, constants: Constants, free: int = 6):
@@ -90,9 +93,10 @@ def align(image, reference: Reference, rotation, position, K, constants: Constan
     """
     if len(reference.points) < 50:
         return rotation, position, 0.0, 0.0
-    return _iterate(image, reference.points, reference.brightness, reference.jacobian, np.ascontiguousarray(rotation),
-                    np.ascontiguousarray(position), K, reference.mean_depth, free, constants.iterations,
-                    constants.smallest_step, constants.damping)  # fmt: skip
+    c, r = constants, reference
+    return _iterate(image, r.points, r.brightness, r.jacobian, np.ascontiguousarray(rotation),
+                    np.ascontiguousarray(position), K, r.mean_depth, free, c.iterations, c.smallest_step,
+                    c.damping)  # fmt: skip
 
 
 @njit(cache=True)
@@ -140,7 +144,7 @@ def _splat(mask, inverse, camera, K):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def _accumulate(image, points, brightness, J, R, t, K):
-    """J^T J, J^T I, J^T M, and sums of M I, I I, M M and the mean motion, over pixels that stay in the image."""
+    """J^T J, J^T I, J^T M, and sums of M I, I I, M M and the mean motion, over pixels inside the image."""
     height, width = image.shape
     matrix, of_image, of_map, sums = np.zeros((6, 6)), np.zeros(6), np.zeros(6), np.zeros(4)
     n = 0
