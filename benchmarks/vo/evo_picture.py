@@ -24,7 +24,7 @@ SCENE, SCENE_EVENTS = "boxes-fast", 2_500_000
 
 
 def picture(stream, track: Track | None) -> np.ndarray:
-    """Events of the time of the last map in grey, and on them its points, coloured by depth, (H, W, 3) BGR."""
+    """Events at the last map's time in grey, and its points on them, coloured by depth, (H, W, 3)."""
     if track is None or not track.keyframes:
         last_us, depth = stream["t_us"][-1], np.zeros(CAMERA.size_px[::-1])
     else:
@@ -52,7 +52,8 @@ def main(path: str, seconds: str) -> None:
     docking = docking[: np.searchsorted(docking["t_us"], docking["t_us"][0] + float(seconds) * 1e6)]
     tracks = Odometry(CAMERA).run(docking)
     for track in tracks:
-        print(f"evo: {track.t_us[0] * 1e-6:.2f} to {track.t_us[-1] * 1e-6:.2f} s, {len(track.keyframes)} maps, "
+        first_s, last_s = track.t_us[0] * 1e-6, track.t_us[-1] * 1e-6
+        print(f"evo: {first_s:.2f} to {last_s:.2f} s, {len(track.keyframes)} maps, "
               f"bootstrapped: {track.ready_us is not None}, lost: {track.lost}")  # fmt: skip
     left, right = picture(scene, longest(Odometry(CAMERA).run(scene))), picture(docking, longest(tracks))
     gap = np.full((CAMERA.height_px, 10, 3), 255, np.uint8)
