@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from lmmap.bench import renderer
-from lmmap.bench.event_sensor import EventSensor, Sensor
+from lmmap.bench import optics
+from lmmap.bench.event_sensor import EventSensor, SensorSettings
 from lmmap.types import EVENT, Camera, Pose, Recording, Trajectory
 
 TEXEL_M = 0.004
@@ -153,12 +153,14 @@ def depth_image(s: Scene, T_cam_world: Pose, camera: Camera) -> np.ndarray:
 def simulate(s: Scene, camera: Camera | None = None, seconds: float | None = None) -> Recording:
     """Record a scene's events and true motion; no frames."""
     camera, seconds = camera or Camera.davis346(), s.seconds if seconds is None else seconds
-    device = EventSensor(camera, Sensor(), np.random.default_rng(zlib.crc32(f"events {s.name}".encode())))
+    device = EventSensor(
+        camera, SensorSettings(), np.random.default_rng(zlib.crc32(f"events {s.name}".encode()))
+    )
     where, parts = room(s.layout), [np.empty(0, EVENT)]
     for t_us in _render_times_us(s, where, camera, seconds).tolist():
         reflectance = render(where, motion(s, [t_us * 1e-6])[0], camera)[0]
         image = cv2.resize(reflectance, camera.size_px, interpolation=cv2.INTER_AREA)
-        parts.append(device(renderer.apply_lens(image, LENS_BLUR_PX) * FULL_SCALE, t_us))
+        parts.append(device(optics.apply_lens(image, LENS_BLUR_PX) * FULL_SCALE, t_us))
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
     none = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
     truth = Trajectory(truth_us, motion(s, truth_us * 1e-6))
