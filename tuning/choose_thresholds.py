@@ -39,7 +39,7 @@ CHANCE = 0.02  # of the images: the standard error of a share of 0.8 of them
 NAMES = ("mask_threshold", "sure", "min_marker_score")
 
 
-def shots(estimator: Estimator):
+def timed_truths(estimator: Estimator):
     """``(sequence, image, true pose or None)`` of what has a ring in view, or no port."""
     for name in [*SEQUENCES, *EMPTY]:
         seen, port = recording(name), not name.startswith("empty")
@@ -77,7 +77,7 @@ def answers(estimator: Estimator, image, truth) -> list[dict]:
 def outcomes(modality: str) -> pd.DataFrame:
     """Counts by thresholds."""
     estimator = Estimator(modality=modality)
-    every = [row for _, image, truth in tqdm(list(shots(estimator)), modality)
+    every = [row for _, image, truth in tqdm(list(timed_truths(estimator)), modality)
              for row in answers(estimator, image, truth)]  # fmt: skip
     table, counted = pd.DataFrame(every), []
     for least in MIN_MARKER_SCORES:

@@ -1,4 +1,4 @@
-"""The CNN filters: a frame or histogram in, a mask of the ring or of the markers out.
+"""The mask networks, which the paper calls filters: an image in, a mask of the ring or of the markers out.
 
 One architecture for all four (ring | reflectors, RGB | event), the paper's: three convolutions with
 ReLU and max-pooling, three transposed convolutions with ReLU between them, skip connections as in

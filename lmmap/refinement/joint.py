@@ -19,6 +19,7 @@ from ..geometry.projection import project
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
+POINTS_PER_SIDE = 10  # of a marker, in the order of `_side_points_m`
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
 
 
@@ -69,6 +70,7 @@ def refine(
         cut = 4.7 * max(1.48 * np.median(np.abs(centred)), 0.3)
         weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
 
+        # Gauss-Newton: (J' W J) step = J' W r, solved with unit diagonal and a ridge of 1e-9
         J = np.vstack([np.column_stack([J_ring, np.zeros(len(J_ring))]), J_edge])
         r = np.concatenate([r_ring, -gap_px / marker_sigma_px])
         w = np.concatenate([np.ones(len(r_ring)), weight])
@@ -101,11 +103,11 @@ def _moved(T: Pose, steps) -> Pose:
 
 
 @lru_cache
-def _side_points_m(port: Port, count: int = 10):
+def _side_points_m(port: Port):
     """Points on the markers' sides without their corners, and beside each a point outward, (P, 3)."""
     corners = port.marker_corners_m()
     following = np.roll(corners, -1, 1)
-    s = (np.arange(count) + 1.5) / (count + 2)
+    s = (np.arange(POINTS_PER_SIDE) + 1.5) / (POINTS_PER_SIDE + 2)
     points = corners[:, :, None] + s[:, None] * (following - corners)[:, :, None]
     outward = (corners + following) / 2 - corners.mean(1, keepdims=True)
     beside = points + 0.05 * outward[:, :, None]
@@ -120,8 +122,8 @@ def _measure_edges(mask, T: Pose, sides_m, camera: Camera, settings: Settings):
     """
     points_m, beside_m = sides_m
     at, beside = project(T @ points_m, camera), project(T @ beside_m, camera)
-    along = np.roll(at, -1, 0) - at  # the next point on the side; wrong only for the last of a side
-    along[9::10] = along[8::10]
+    steps = np.diff(at.reshape(-1, POINTS_PER_SIDE, 2), axis=1)  # to the next point of the same side
+    along = np.concatenate([steps, steps[:, -1:]], 1).reshape(-1, 2)  # the last point has the step before it
     normal = np.stack([along[:, 1], -along[:, 0]], -1)
     normal *= np.sign(np.sum(normal * (beside - at), -1, keepdims=True))
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)

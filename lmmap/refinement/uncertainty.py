@@ -52,7 +52,9 @@ def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) ->
     square = Camera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     a, b, c = np.moveaxis(bearings(points_px, square) @ E, -1, 0)
     gap = m - l3
-    change = np.stack(  # x' dQ x for a unit step along each of y1, y2, s, w1, w2
+    # dQ of a unit step along y1, y2, s, w1, w2, in the eigenvectors' axes, as x' dQ x: turning e3 toward e1
+    # gives (l3 - l1)(e1 e3' + e3 e1'), scaling 2 m (1 + w/2, 1 - w/2, 0), and w (m - l3)/2 (1, -1, 0)
+    change = np.stack(
         [
             2 * (l3 - l1) * a * c,
             2 * (l3 - l2) * b * c,
@@ -160,6 +162,7 @@ def _chart(T_cam_port: Pose, radius_m: float, camera: Camera):
 def _moved(dys, w, size: float, branch: float, radius_m: float) -> np.ndarray:
     """Position and outward normal (N, 6), in the estimate's axes, of cones at (y1, y2, s) steps dys
     (N, 3) and vectors w (N, 2), on the branch nearest to the estimate's."""
+    # the chart's definitions solved for the cone, then the exact pose of `circle.poses`
     m, length = np.exp(2 * (size + dys[:, 2])), np.hypot(*w.T)
     l1, azimuth = m + (m + 1) * length / 2, np.arctan2(w[:, 1], w[:, 0]) / 2
     sine = np.sqrt(length / (1 + length / 2))

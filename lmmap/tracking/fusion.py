@@ -77,9 +77,9 @@ class Fusion:
             return
         information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
         for camera, e in seen.items():
-            if (found := self._match(track, e)) is None:
+            if (match := self._match(track, e)) is None:
                 continue
-            y, S = found
+            y, S = match
             weight = np.linalg.inv(S * self._repetition(track, camera, t_us))
             information, vector, taken = information + weight, vector + weight @ y, {**taken, camera: t_us}
         if taken:
@@ -108,19 +108,22 @@ class Fusion:
         """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the
         gate; of a ring, of the nearer of its two poses; None beyond the gate."""
         whole = e.T_cam_port is not None
-        one, other = (e.T_cam_port, e.rival) if whole else (e.ring, e.twin)
-        choices = [(one, e.covariance)]
-        if other is not None:
-            choices.append((other, _turned(e.covariance, one.normal, other.normal)))
-        kept = []
+        first, second = (e.T_cam_port, e.rival) if whole else (e.ring, e.twin)
+        choices = [(first, e.covariance)]
+        if second is not None:
+            choices.append((second, _rotate_covariance(e.covariance, first.normal, second.normal)))
+        within_gate = []
         for T, S in choices:
             n = T.normal
             y = self._innovation(track.T_cam_port, T) if whole else _to_ring(track.T_cam_port, T)
             S = S if whole else S + np.pad(FREE_RAD**2 * np.outer(n, n), ((3, 0), (3, 0)))
             distance = y @ np.linalg.solve(track.covariance[POSE, POSE] + S, y)
             if distance <= self.motion.gate:
-                kept.append((distance, y, S))
-        return (kept[0] if whole else min(kept, key=lambda one: one[0]))[1:] if kept else None
+                within_gate.append((distance, y, S))
+        if not within_gate:
+            return None
+        _, y, S = within_gate[0] if whole else min(within_gate, key=lambda choice: choice[0])
+        return y, S
 
     def _innovation(self, T: Pose, measured: Pose) -> np.ndarray:
         turned = measured.rotation @ self._turns @ T.rotation.T
@@ -178,7 +181,7 @@ def _to_ring(T: Pose, ring: Pose) -> np.ndarray:
     return np.concatenate([ring.position_m - T.position_m, axis * (angle / sine if sine > 1e-12 else 1.0)])
 
 
-def _turned(covariance, normal, rival) -> np.ndarray:
+def _rotate_covariance(covariance, normal, rival) -> np.ndarray:
     """A pose's covariance for its rival: rotations are turned as the normal is, by the shortest way."""
     axis, cosine = np.cross(normal, rival), float(normal @ rival)
     cross = np.cross(np.eye(3), axis)  # [axis]x
