@@ -126,9 +126,9 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
         assert code == 1 and err.count("\n") == 1
     monkeypatch.setattr(on_authors_bags.Estimator, "__call__", None)  # nothing is estimated twice
     monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: found)
-    code, out, _ = run(capsys, *argv, "30", "--json")
+    code, out, _ = run(capsys, *argv, "30", "--json", "--overwrite")
     assert code == 0 and json.loads(out)["root"] == "base_link"
-    code, _, err = run(capsys, *argv, "30", "--hand-eye", folder / CAMERA)
+    code, _, err = run(capsys, *argv, "30", "--hand-eye", folder / CAMERA, "--overwrite")
     assert code == 1 and "no hand-eye calibration" in err and "width_px" in err
     for path in (rig, bag):
         path.unlink()
