@@ -52,7 +52,7 @@ def paper_yaw(
     """
     mask = _check(reflector_mask, T_cam_port, camera)
     yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
-    hypotheses = _turned(T_cam_port[:, None], yaws)  # (2, N)
+    hypotheses = _turn(T_cam_port[:, None], yaws)  # (2, N)
     corners = _project_markers(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
     total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
     if np.all(np.isfinite(corners)):
@@ -90,7 +90,7 @@ def fast_yaw(
 
     yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
     yaw_margin = _margin(correlation, settings.other_yaw_share)
-    poses = _turned(T_cam_port, yaw_rad)
+    poses = _turn(T_cam_port, yaw_rad)
 
     outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
     mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
@@ -108,7 +108,7 @@ def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -
     return _sample(mask, _project_markers(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
 
 
-def _turned(T: Pose, yaw_rad) -> Pose:
+def _turn(T: Pose, yaw_rad) -> Pose:
     rotation = T.rotation @ rotation_z(yaw_rad)
     return Pose(rotation, np.broadcast_to(T.position_m, rotation.shape[:-1]))
 

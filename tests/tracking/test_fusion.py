@@ -162,7 +162,7 @@ def test_the_rival_stands_in_where_it_fits():
 def test_a_rivals_covariance_is_turned_with_its_normal():
     rng = np.random.default_rng(1)
     S, other = drawn(rng), pose((200, 110), 0.6, 0.4, 2.1)
-    turned = fusion._turned(S, T0.normal, other.normal)
+    turned = fusion._rotate_covariance(S, T0.normal, other.normal)
     np.testing.assert_allclose(np.linalg.eigvalsh(turned[3:, 3:]), np.linalg.eigvalsh(S[3:, 3:]))
     about = [T.normal @ C[3:, 3:] @ T.normal for T, C in ((T0, S), (other, turned))]
     assert about[0] == pytest.approx(about[1])
