@@ -11,6 +11,7 @@ from ..settings import OURS, PAPER, PaperSettings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
 from .estimator import Weights, settings_for
+from .inputs import check_image
 from .ring import skeleton_points
 from .weights import load_networks
 
@@ -77,9 +78,7 @@ class PrintedEstimator:
         ValueError
             If the image's size is not the camera's.
         """
-        if image.shape[:2] != self.camera.size_px[::-1]:
-            shape = self.camera.size_px[::-1]
-            raise ValueError(f"PrintedEstimator: images have (H, W) = {shape}, got {image.shape}")
+        check_image(image, self.modality, self.camera)
         points_px = self.skeleton(self.ring_network(image))
         if len(points_px) < self.assumptions.min_ring_pixels:
             return Estimate(t_us, Status.NO_RING)

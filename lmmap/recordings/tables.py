@@ -76,8 +76,8 @@ def _csv(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.n
 
 
 def _npy(path: Path) -> np.ndarray:
-    array = np.load(regular_file(path), mmap_mode="r", allow_pickle=False)
-    if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.names is None:
+    array = np.lib.format.open_memmap(regular_file(path), mode="r")
+    if array.ndim != 1 or array.dtype.names is None:
         raise ValueError("not a structured array of one dimension")
     return array
 
