@@ -89,10 +89,12 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the folder cannot be written, or if what lies there has no mark: it is not ours to remove.
     """
     facts, mark_path = bag.stat(), path.with_suffix(".made-of")
     mark = fingerprint(path.name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))
+    if path.exists() and not mark_path.exists():
+        raise InputError(f"{path}: is not ours to replace; move it away, or give another output")
     try:
         if not has_mark(mark_path, mark):
             path.unlink(missing_ok=True)

@@ -15,6 +15,7 @@ from lmmap.cli import main
 from lmmap.files import InputError, lock
 from lmmap.provenance import DATA, ROOT
 from lmmap.recordings.journal import Journal
+from lmmap.studies.bag_estimates import resumable_file
 
 MINI = DATA / "mini" / "test-low.aedat4"
 NOTES = "notes that nobody has a copy of\nand a second line"
@@ -156,6 +157,15 @@ def test_commands_change_no_file_that_they_were_not_told_to_write(tmp_path):
         "calibrate",
         "score",
     }
+
+
+def test_estimates_of_a_bag_replace_no_other_file(tmp_path):
+    """``lmmap calibrate`` keeps them beside its output, under a name that somebody may have used."""
+    path = tmp_path / "rig.normal__train-rgb.csv"
+    path.write_text(NOTES)
+    with pytest.raises(InputError, match="not ours to replace"):
+        resumable_file(path, MINI, 5.0)
+    assert path.read_text() == NOTES
 
 
 def test_damaged_and_hostile_files_get_short_answers():
