@@ -65,6 +65,8 @@ class Settings(PaperSettings):
     ransac_refits: int = 10  # of 500 hypotheses about as many have five inliers at 55 % outliers
     min_axis_ratio: float = 0.25  # 75 deg of tilt: beyond, plate and petals hide the far half of the ring
     min_semi_major_px: float = 12.0  # at most 2.2 m: beyond, the ring's stroke is a pixel or two wide
+    local_search: bool = False  # try `local_search` where points from anywhere give no ellipse
+    min_contrast: float = 0.3  # of the mask along an ellipse to that beside it; rings have 0.45 to 1
     min_arc_coverage: float = 0.5  # with less, the ellipse's size and tilt are guesses (book: ellipses)
 
     # contour below a pixel
@@ -97,6 +99,17 @@ class Settings(PaperSettings):
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
     merged_sigmas: float = 3.0  # of tilt: below, head-on is not excluded (99 %) and both normals are possible
+
+    # probability that a pose is right: constant and slopes on `verify.evidence`, by
+    # tuning/calibrate_confidence.py
+    confidence_ring: tuple[float, ...] = (
+        -7.288,
+        -1.747,
+        -37.189,
+        3.999,
+    )  # that position and normal are right
+    confidence_yaw: tuple[float, ...] = (-12.86, -0.698, 20.543)  # that the yaw is, if they are
+    min_confidence: float = 0.75  # below, the status is `UNSURE` and there is no pose
 
     # errors of a pose that one may dock on
     right_position_m: float = 0.020

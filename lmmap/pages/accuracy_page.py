@@ -41,7 +41,9 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     """
     rows = {"table1": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
     cell, cameras = ["training", "light", "modality"], ("rgb", "event")
-    counts = answers.assign(ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers"]), 0))
+    counts = answers.assign(
+        ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers", "unsure"]), 0)
+    )
     counts = counts.groupby(cell)[["ellipse", "in_view"]].sum()
     rates = compared.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
     rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])

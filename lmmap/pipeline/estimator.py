@@ -10,11 +10,11 @@ import numpy as np
 
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project, undistort_points
-from ..refinement import contour, joint, uncertainty
+from ..refinement import contour, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
-from . import circle, ellipse, yaw
+from . import circle, ellipse, local_search, yaw
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
@@ -71,7 +71,8 @@ class Estimator:
             images are refused.  BGR cannot be told from RGB.
         """
         check_image(image, self.modality, self.camera)
-        ring, coverage = self.find_ring(self.ring_network(image))
+        ring_mask = self.ring_network(image)
+        ring, coverage = self.find_ring(ring_mask)
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
@@ -85,8 +86,22 @@ class Estimator:
                             covariance=known.covariance)  # fmt: skip
         printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
-        return Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
-                        best.score, best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
+        confidence = self.confidence(T_cam_port, covariance, best.sigma_rad, image, ring_mask, reflectors)
+        estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
+                            best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
+                            confidence=confidence)  # fmt: skip
+        if confidence >= self.settings.min_confidence:
+            return estimate
+        return replace(estimate, status=Status.UNSURE, T_cam_port=None, doubtful=T_cam_port)
+
+    def confidence(
+        self, T_cam_port: Pose, covariance, yaw_sigma_rad: float, image, ring_mask, reflectors
+    ) -> float:
+        """Probability that a pose is right, by the image and both its masks."""
+        evidence = verify.evidence(
+            T_cam_port, covariance, yaw_sigma_rad, image, ring_mask, reflectors, self.port, self.camera
+        )
+        return float(verify.confidence(evidence, self.settings))
 
     def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
         """Pose with its covariance (6, 6), refined on ring and markers where the settings allow it and yaw
@@ -128,7 +143,7 @@ class Estimator:
                 status = Status.NO_RING
                 continue
             points = undistort_points(points, self.camera)
-            fitted, inliers = ellipse.fit_ransac(points, rng=np.random.default_rng(0), settings=self.settings)
+            fitted, inliers = self.find_ellipse(points, mask)
             if fitted is not None:
                 break
             status = Status.NO_ELLIPSE
@@ -142,6 +157,14 @@ class Estimator:
         found = found or contour.from_points(fitted, points[inliers])
         found = replace(found, score=contour.score(found.ellipse, mask, self.camera))
         return found, ellipse.arc_coverage(found.ellipse, points)
+
+    def find_ellipse(self, points_px, mask: np.ndarray) -> tuple[Ellipse | None, np.ndarray]:
+        """The ring's ellipse among a mask's points (M, 2), and which of them lie on it (M,)."""
+        fitted, inliers = ellipse.fit_ransac(points_px, np.random.default_rng(0), self.settings)
+        if fitted is None and self.settings.local_search:
+            rng = np.random.default_rng(0)
+            return local_search.fit_local(points_px, mask, rng, self.camera, self.settings)
+        return fitted, inliers
 
     def candidates(self, ring: Ellipse) -> Pose:
         """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""

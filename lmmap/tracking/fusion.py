@@ -27,7 +27,8 @@ from .motion_model import POSE, Track, repetition
 
 LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
-STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS)  # how far a failed image came
+# how far a failed image came
+STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS, Status.UNSURE)
 
 
 class Fusion:

@@ -18,6 +18,7 @@ class Status(StrEnum):
     NO_RING = "no_ring"  # too few active pixels (gamma_S of the paper)
     NO_ELLIPSE = "no_ellipse"  # no ellipse of sensible size, shape and arc coverage
     NO_MARKERS = "no_markers"  # a ring, but no marker where the port has one
+    UNSURE = "unsure"  # a pose, but the masks hardly support it
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,10 @@ class Estimate:
         there is no pose, of ``ring``.
     ring, twin : Pose or None
         Without markers: the circle's two poses, their yaw unknown.
+    confidence : float
+        Probability that the pose is right (`verify.confidence`), in [0, 1]; 0 where none was found.
+    doubtful : Pose or None
+        The pose that is not reported because its confidence is too low: of status ``unsure``.
     """
 
     t_us: int
@@ -67,6 +72,8 @@ class Estimate:
     covariance: np.ndarray | None = None
     ring: Pose | None = None
     twin: Pose | None = None
+    confidence: float = 0.0
+    doubtful: Pose | None = None
 
     def _repr_html_(self) -> str:
         """A small table, as notebooks show it."""

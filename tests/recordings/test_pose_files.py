@@ -55,7 +55,17 @@ def estimates(seed) -> list[Estimate]:
     ellipse = Ellipse(rng.uniform(0, 300, 2), np.sort(rng.uniform(10, 90, 2))[::-1], rng.uniform(0, 3))
     return [
         Estimate(5, Status.NO_RING),
-        Estimate(10**15, Status.OK, a, b, c, ellipse, *rng.random(5), covariance=root @ root.T),
+        Estimate(
+            10**15,
+            Status.OK,
+            a,
+            b,
+            c,
+            ellipse,
+            *rng.random(5),
+            covariance=root @ root.T,
+            confidence=rng.random(),
+        ),
         Estimate(10**15 + 7, Status.OK, b),
         Estimate(10**15 + 9, Status.NO_MARKERS, ellipse=ellipse, arc_coverage=0.75),
     ]
@@ -81,8 +91,8 @@ def test_estimates_round_trip(tmp_path_factory, seed):
         if a.ellipse is not None:
             np.testing.assert_allclose(a.ellipse.points(5), b.ellipse.points(5), atol=1e-4)
         np.testing.assert_allclose(
-            [a.arc_coverage, a.marker_score, a.rival_score, a.margin, a.tilt_sigmas],
-            [b.arc_coverage, b.marker_score, b.rival_score, b.margin, b.tilt_sigmas],
+            [a.arc_coverage, a.marker_score, a.rival_score, a.margin, a.tilt_sigmas, a.confidence],
+            [b.arc_coverage, b.marker_score, b.rival_score, b.margin, b.tilt_sigmas, b.confidence],
             atol=1e-5,
         )
 
@@ -138,7 +148,7 @@ def test_bad_tables_and_absent_files(tmp_path):
 
 def test_every_column_has_its_unit_and_meaning():
     """Quaternions and scores have the unit 1; a time and a status have no frame but the clock."""
-    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 2 + 21
+    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 3 + 21
     for names, unit, frame, meaning in TABLE:
         assert meaning and (unit or names == ("status",))
         suffixes = {"m": "_m", "us": "_us", "px": "_px", "rad": "_rad"}

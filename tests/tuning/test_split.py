@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import tune_fusion
 import validation_world
+import wrong_poses
 
 from lmmap.bench import photometry
 from lmmap.bench.laboratory import sequence
@@ -24,6 +25,7 @@ TUNED_ON = {
     "tuning/choose_thresholds.py": [*choose_thresholds.SEQUENCES, *choose_thresholds.EMPTY],
     "tuning/choose_look.py": choose_look.SEQUENCES,
     "tuning/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
+    "tuning/calibrate_confidence.py": wrong_poses.SEQUENCES,
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [name for names in dataset.SETS.values() for name in names],
 }
@@ -49,6 +51,22 @@ def test_no_two_choices_are_made_on_the_same_sequences():
     others = [name for user, names in TUNED_ON.items() if names is not reserved for name in names]
     assert len(set(reserved)) == len(reserved)
     assert not set(reserved) & set(others)
+
+
+def test_what_the_confidence_is_held_out_on_tunes_nothing():
+    held_out = {name for place, names in wrong_poses.SETS.items() if "held out" in place for name in names}
+    tuned = [name for user, names in TUNED_ON.items() if "confidence" not in user for name in names]
+    tuned += [name for place, names in wrong_poses.SETS.items() if "tuning" in place for name in names]
+    assert len(held_out) > 20 and not held_out & set(tuned)
+
+
+def test_the_confidence_is_the_script_s_choice():
+    """At the committed limit the committed shares are those of the settings, and few poses are wrong."""
+    shares = pd.read_csv(DATA / "results" / "wrong-poses.csv")
+    images = shares.groupby(["set", "estimator"]).images.sum().unstack()
+    assert (images["every pose"] == images["confident poses"]).all()
+    wrong = shares.assign(wrong=shares.wrong_percent * shares.images).groupby("estimator").wrong.sum()
+    assert wrong["confident poses"] < 0.5 * wrong["every pose"]
 
 
 def test_training_and_test_move_differently():

@@ -1,0 +1,158 @@
+"""Does the whole port explain masks and image at a pose?  Evidence for and against it, and a confidence.
+
+The ring's plane is unwrapped to angle and radius about the pose's axis.  There the ring is a straight band
+between two edges whose radii are known, hidden where plate or petals stand before it.  An ellipse that joins
+an arc of the ring to the edge of a shadow has a part of the mask inside it, and the image has no inner edge
+where it should.  Markers that are not what the mask holds speak against the yaw.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from ..geometry.projection import project
+from ..settings import OURS, Settings
+from ..types import Camera, Port, Pose
+from ..types.arrays import frozen_array
+
+ANGLES = 72
+RADII = np.arange(0.68, 1.0151, 0.015)  # of the unwrapped ring plane, in ring radii
+EDGE_NEAR, EDGE_FAR = (
+    0.0375,
+    0.0925,
+)  # from an edge: where it is looked for, and where nothing may be stronger
+BLUR_PX = 0.7  # of the image before its edges are measured
+SATURATED = 8  # events of a pixel that count as an edge as strong as any
+INSIDE = 0.06  # of the ring's radius, within its inner edge: from there the mask should be empty
+HALO_M = 0.004  # about a marker's outline, what a mask's blur of two pixels spreads
+NEIGHBOURHOOD_M = 0.062  # radius about the port's axis in which the markers' mask is to be explained
+STEP_M = 0.002
+
+
+def hidden(points_m, eye_m, port: Port) -> np.ndarray:
+    """Whether plate or petals stand between points (N, 3) and an eye (3,), both in the port frame, (N,).
+
+    The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
+    """
+    points, eye = np.asarray(points_m, float), np.asarray(eye_m, float)
+    apothem_m = port.plate_circumradius_m * np.cos(np.pi / (2 * port.symmetry))
+    yaws = np.arange(port.symmetry) * port.yaw_period_rad
+    radial = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], -1)
+    tangent = np.stack([-np.sin(yaws), np.cos(yaws), np.zeros_like(yaws)], -1)
+    up = np.array([0, 0, 1.0])
+    ray = points - eye
+    with np.errstate(divide="ignore", invalid="ignore"):
+        on_plate = eye + ((port.plate_height_m - eye[2]) / ray[:, 2])[:, None] * ray
+        by_plate = np.abs(on_plate @ radial.T).max(1) < apothem_m
+        base = apothem_m * radial + port.plate_height_m * up  # middle of each petal's base
+        normal = port.petal_rise_m * radial - port.petal_lean_m * up
+        share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)
+        on_petal = eye + share[..., None] * ray[:, None] - base
+        height = on_petal[..., 2] / port.petal_rise_m
+        half_m = ((1 - height) * port.petal_widths_m[0] + height * port.petal_widths_m[1]) / 2
+        across_m = np.abs(np.sum(on_petal * tangent, -1))
+    by_petal = (share > 0) & (share < 1) & (height > 0) & (height < 1) & (across_m < half_m)
+    return by_plate | by_petal.any(1)
+
+
+def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera) -> tuple[float, float]:
+    """Mean of a ring mask (H, W) inside the ring, and the share of its inner edge that the image shows.
+
+    Both are of the angles at which the port does not hide the ring.  An edge is shown where the image changes
+    more, or a histogram holds more events, at the edge's radius than beside it.
+    """
+    points_m = _ring_plane_m(port)
+    seen = ~hidden(points_m[:, -2], T_cam_port.inverse.position_m, port)
+    if not seen.any():
+        return 1.0, 0.0
+    inner = port.ring_inner_radius_m / port.ring_radius_m
+    inside = _sample(ring_mask, T_cam_port, points_m, camera)[seen][:, inner - INSIDE > RADII].mean()
+    value = _sample(_light(image), T_cam_port, points_m, camera)[seen]
+    edge = np.abs(value[:, 2:] - value[:, :-2]) if np.ndim(image) == 3 else value[:, 1:-1]
+    away = np.abs(RADII[1:-1] - inner)
+    near, beside = away <= EDGE_NEAR, (away > EDGE_NEAR) & (away <= EDGE_FAR)
+    shown = edge[:, near].max(1) > edge[:, beside].max(1)
+    return float(inside), float(shown.mean())
+
+
+def _light(image) -> np.ndarray:
+    """What the edges of an image are measured on, blurred, (H, W): the square root of a frame's light, as its
+    noise is then alike everywhere, or a histogram's counts."""
+    image = np.asarray(image, np.float32)
+    values = np.sqrt(image.mean(-1)) if image.ndim == 3 else np.minimum(image, SATURATED)
+    return cv2.GaussianBlur(values, (0, 0), BLUR_PX)
+
+
+def marker_evidence(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> float:
+    """Share of a reflector mask (H, W) about the port's axis that lies on the markers or their blur."""
+    points_m, on_markers = _marker_plane(port)
+    value = _sample(reflector_mask, T_cam_port, points_m, camera)
+    return float(value[on_markers].sum() / max(value.sum(), 1e-6))
+
+
+def evidence(
+    T_cam_port: Pose, covariance, yaw_sigma_rad: float, image, ring_mask, reflector_mask, port: Port,
+    camera: Camera,
+) -> np.ndarray:  # fmt: skip
+    """What speaks for a pose, shape (5,): of the ring, then of the yaw.
+
+    Logarithm of the position's standard deviation along its worst direction (m), `ring_evidence`, logarithm
+    of the yaw's standard deviation (rad), `marker_evidence`.
+    """
+    variance = np.linalg.eigvalsh(np.asarray(covariance)[:3, :3])[-1]
+    return np.array([
+        0.5 * np.log(max(variance, 1e-12)),
+        *ring_evidence(ring_mask, image, T_cam_port, port, camera),
+        np.log(np.clip(yaw_sigma_rad, 1e-6, 1.0)),
+        marker_evidence(reflector_mask, T_cam_port, port, camera),
+    ])  # fmt: skip
+
+
+def confidence(evidence, settings: Settings = OURS) -> np.ndarray:
+    """Probability (...) that a pose is right, of its evidence (..., 5): that position and normal are, times
+    that the yaw is if they are, each logistic."""
+    evidence = np.asarray(evidence)
+    ring, of_yaw = settings.confidence_ring, settings.confidence_yaw
+    return logistic(evidence[..., :3], ring) * logistic(evidence[..., 3:], of_yaw)
+
+
+def logistic(x, weights) -> np.ndarray:
+    """Probabilities (...) of x (..., K) with a constant and slopes (K + 1,)."""
+    return 1 / (1 + np.exp(-np.clip(weights[0] + np.asarray(x) @ np.asarray(weights[1:]), -50, 50)))
+
+
+def _sample(mask, T_cam_port: Pose, points_m, camera: Camera) -> np.ndarray:
+    """Bilinear values of a mask at points (A, B, 3) of the port, zero outside the image."""
+    grid = np.nan_to_num(project(T_cam_port @ points_m, camera), nan=-10).clip(-10, 30_000)
+    return cv2.remap(
+        np.asarray(mask, np.float32), grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0
+    )
+
+
+@lru_cache
+def _ring_plane_m(port: Port) -> np.ndarray:
+    """Points (ANGLES, R, 3) of the ring's plane, out to the middle of the ring."""
+    angle = np.arange(ANGLES) * (2 * np.pi / ANGLES)
+    r = RADII * port.ring_radius_m
+    x, y = np.multiply.outer(np.cos(angle), r), np.multiply.outer(np.sin(angle), r)
+    return frozen_array(np.stack([x, y, np.zeros_like(x)], -1))
+
+
+@lru_cache
+def _marker_plane(port: Port) -> tuple[np.ndarray, np.ndarray]:
+    """Points (A, B, 3) of the markers' plane about the axis, and which are on a marker or its halo."""
+    line = np.arange(-NEIGHBOURHOOD_M, NEIGHBOURHOOD_M + STEP_M / 2, STEP_M)
+    x, y = np.meshgrid(line, line)
+    yaws = np.arange(port.symmetry) * port.yaw_period_rad
+    radial = np.multiply.outer(np.cos(yaws), x) + np.multiply.outer(np.sin(yaws), y)
+    tangential = np.multiply.outer(np.cos(yaws), y) - np.multiply.outer(np.sin(yaws), x)
+    half_tangential, half_radial = np.array(port.marker_size_m) / 2 + HALO_M
+    on = np.abs(tangential) <= half_tangential
+    on &= np.abs(radial - port.marker_radius_m) <= half_radial
+    points = np.stack([x, y, np.full_like(x, port.plate_height_m)], -1)
+    near = np.hypot(x, y) <= NEIGHBOURHOOD_M
+    points = np.where(near[..., None], points, np.nan)  # nothing is sampled in the square's corners
+    return frozen_array(points), frozen_array(on.any(0) & near, bool)

@@ -1,0 +1,214 @@
+"""Counts right, wrong and missing poses, on sequences that neither train nor test anything.
+
+    python tuning/wrong_poses.py
+
+A pose is wrong if it is off by 20 mm, 5 deg of the normal or 10 deg of the rotation.  The shares are of the
+images with the whole ring in view, per light, camera and set of weights; events get their second look.  The
+sequences are short, some on the bench and some in another laboratory (`validation_world`), whose materials no
+network has seen.  One half of each tunes `calibrate_confidence`, and the other half is held out.  High light
+has most of the sequences, for most wrong poses are there.  `ESTIMATORS` compares our settings with those that
+report every pose.  Images, masks and true poses are kept in data/derived/wrong, so that a change of the
+geometry is judged in a minute; remove that folder after a change of the bench or of the weights.  The table
+is kept in data/results/wrong-poses.csv.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import validation_world as world
+from choose_thresholds import right
+from tqdm import tqdm
+
+from lmmap.bench import sequences
+from lmmap.geometry.port import in_view
+from lmmap.pipeline.estimator import Estimator, markers_box_px
+from lmmap.pipeline.network import crop_bounds
+from lmmap.pipeline.run import timed_images
+from lmmap.pipeline.weights import FILTERS, load_network, weight_path
+from lmmap.provenance import DATA, DERIVED_DATA, save_table
+from lmmap.settings import OURS, Settings
+from lmmap.types import Camera, Estimate, Port, Pose, Recording
+
+LIGHTS = ("low", "medium", "high")  # of `realistic-N`, by N modulo 3
+PLACES = {  # number of the first sequence, and how many of each light
+    "bench, tuning": (1031, {"low": 12, "medium": 12, "high": 24}),
+    "bench, held out": (1401, {"low": 3, "medium": 3, "high": 10}),
+    "other laboratory, tuning": (1301, {"low": 3, "medium": 3, "high": 6}),
+    "other laboratory, held out": (1319, {"low": 3, "medium": 3, "high": 6}),
+}
+SECONDS, EACH = 0.8, 3  # length of a recording, and most images of each camera from it
+WEIGHTS = ("low", "robust")
+KINDS = ("rgb", "event", "event wider")  # the last: the second look at each of the second
+FOLDER = DERIVED_DATA / "wrong"
+CAMERA, PORT = Camera.davis346(), Port.lm_map()
+
+
+def of_light(light: str, first: int, count: int) -> list[str]:
+    """Names of the first sequences of a light from a number on."""
+    numbers = range(first, first + 3 * count)
+    return [f"realistic-{n}" for n in numbers if n % 3 == LIGHTS.index(light)]
+
+
+SETS = {  # light by name of sequence
+    place: {name: light for light, count in counts.items() for name in of_light(light, first, count)}
+    for place, (first, counts) in PLACES.items()
+}
+SEQUENCES = [name for names in SETS.values() for name in names]
+ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}
+ESTIMATORS = {
+    "every pose": replace(OURS, min_confidence=0.0),
+    "confident poses": OURS,
+}
+
+
+class Look(NamedTuple):
+    """An image, its masks (2, H, W) of ring and markers, and the true pose."""
+
+    image: np.ndarray
+    masks: np.ndarray
+    truth: Pose
+
+
+class Case(NamedTuple):
+    """One image, and for events the second look at it."""
+
+    set: str
+    name: str
+    light: str
+    modality: str
+    weights: str
+    looks: list[Look]
+
+
+def recorded(name: str) -> Recording:
+    """A short recording; in the other laboratory its worlds take turns."""
+    if name not in ELSEWHERE:
+        return sequences.simulate(name, SECONDS, setup=sequences.Setup(frame_hz=5))
+    turn = (int(name.split("-")[1]) - 1301) // 3 % len(world.WORLDS)
+    gap_m, sensor = list(world.WORLDS.values())[turn]
+    return sequences.simulate(name, SECONDS, sensor=sensor, setup=world.other_setup(gap_m))
+
+
+def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
+    """Images with the ring in view and their true poses, evenly over the recording, by kind."""
+    span_us, found = recording.truth.t_us, []
+    for shot in timed_images(recording, modality):
+        if modality == "event" and not shot.wider:
+            continue
+        both = [(shot.t_us, shot.image), *([shot.wider] if shot.wider else [])]
+        truths = [recording.truth.at(np.clip([t], span_us[0], span_us[-1]))[0] for t, _ in both]
+        if in_view(truths[0], PORT, CAMERA):
+            found.append([(image, T) for (_, image), T in zip(both, truths, strict=True)])
+    found = [found[i] for i in np.unique(np.linspace(0, len(found) - 1, min(EACH, len(found))).astype(int))]
+    kinds = [kind for kind in KINDS if kind.startswith(modality)]
+    return {kind: tuple(map(list, zip(*(f[k] for f in found), strict=True))) if found else ([], [])
+            for k, kind in enumerate(kinds)}  # fmt: skip
+
+
+def make() -> None:
+    """All images with their masks, in the memory of one recording."""
+    filters = {(f, m, w): load_network(weight_path(f, m, w), m)
+               for f in FILTERS for m in ("rgb", "event") for w in WEIGHTS}  # fmt: skip
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in tqdm([name for name in SEQUENCES if not _path(name).exists()], disable=None):
+        recording, arrays = recorded(name), {}
+        for modality in ("rgb", "event"):
+            for kind, (images, truths) in looks(recording, modality).items():
+                arrays[kind] = np.array(images)
+                arrays[f"{kind} rotation"] = np.array([T.rotation for T in truths]).reshape(-1, 3, 3)
+                arrays[f"{kind} position_m"] = np.array([T.position_m for T in truths]).reshape(-1, 3)
+                for w in WEIGHTS:
+                    masks = [[filters[f, modality, w](image) for f in FILTERS] for image in images]
+                    arrays[f"{kind} {w}"] = np.array(masks, np.float16)
+        temporary = _path(name).with_suffix(".tmp")
+        with temporary.open("wb") as file:
+            np.savez(file, **arrays)
+        temporary.rename(_path(name))
+
+
+def _path(name: str):
+    return FOLDER / f"{name}.npz"
+
+
+def cases(set_name: str, modality: str, weights: str) -> Iterator[Case]:
+    """What `make` has kept of a set."""
+    kinds = [kind for kind in KINDS if kind.startswith(modality)]
+    for name, light in SETS[set_name].items():
+        with np.load(_path(name)) as data:
+            parts = [[data[kind], data[f"{kind} {weights}"].astype(np.float32), data[f"{kind} rotation"],
+                      data[f"{kind} position_m"]] for kind in kinds]  # fmt: skip
+        for i in range(len(parts[0][0])):
+            views = [Look(p[0][i], p[1][i], Pose(p[2][i], p[3][i])) for p in parts]
+            yield Case(set_name, name, light, modality, weights, views)
+
+
+class OnMasks(Estimator):
+    """An estimator on masks computed before."""
+
+    def __init__(self, modality: str, settings: Settings = OURS):
+        super().__init__(CAMERA, PORT, modality, settings=settings)
+        self.ring_network = lambda image: self.masks[0]
+
+    def answer(self, case: Case) -> tuple[Estimate, Look]:
+        """The estimate of a case and the look that it comes from: as the pipeline's."""
+        answers = []
+        for look in case.looks:
+            self.masks = look.masks
+            answers.append((self(look.image), look))
+            if answers[-1][0].T_cam_port is not None:
+                return answers[-1]
+        return answers[0]
+
+    def find_reflectors(self, image, candidates):
+        rows, columns = crop_bounds(*markers_box_px(candidates, self.port, self.camera), self.camera.size_px)
+        mask = np.zeros(image.shape[:2], np.float32)
+        mask[rows, columns] = self.masks[1][rows, columns]
+        return mask
+
+
+on_masks = cache(OnMasks)
+
+
+def outcomes(estimators: dict[str, Settings], set_name: str, modality: str, weights: str) -> pd.DataFrame:
+    """A row for each image and estimator: what its answer is, with what confidence, in what CPU time."""
+    rows = []
+    for case in cases(set_name, modality, weights):
+        for name, settings in estimators.items():
+            estimator, began_s = on_masks(modality, settings), time.thread_time()
+            estimate, look = estimator.answer(case)
+            took_ms = 1e3 * (time.thread_time() - began_s)
+            pose = estimate.T_cam_port is not None
+            good = pose and right(estimate.T_cam_port, look.truth, PORT)
+            rows.append({"estimator": name, "set": set_name, "sequence": case.name, "light": case.light,
+                         "modality": modality, "weights": weights, "status": str(estimate.status),
+                         "right": good, "wrong": pose and not good, "none": not pose,
+                         "confidence": estimate.confidence, "cpu_ms": took_ms})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def shares(table: pd.DataFrame, by=("set", "modality", "weights", "light", "estimator")) -> pd.DataFrame:
+    """Images, and percentages of them."""
+    groups = table.groupby(list(by), sort=False)
+    percent = 100 * groups[["right", "wrong", "none"]].mean()
+    return percent.add_suffix("_percent").assign(images=groups.size()).reset_index()
+
+
+def main() -> None:
+    make()
+    rows = [outcomes(ESTIMATORS, s, m, w) for s in SETS for m in ("rgb", "event") for w in WEIGHTS]
+    every = pd.concat(rows, ignore_index=True)
+    table = shares(every)
+    print(table.round(1).to_string())
+    print(every.groupby("estimator").cpu_ms.median().round(1).to_string())
+    save_table(DATA / "results" / "wrong-poses.csv", table, sequences=SEQUENCES)
+
+
+if __name__ == "__main__":
+    main()
