@@ -23,6 +23,7 @@ import sys
 import tempfile
 import time
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -522,12 +523,9 @@ def attack(
 ) -> tuple[collections.Counter, list[tuple[Case, Answer]]]:
     """Run so many cases; counts by command, format and exit code, and those whose answer is a violation."""
     tally, violations = collections.Counter(), []
-    with tempfile.TemporaryDirectory() as folder:
+    with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:  # what was counted is printed
         for case in cases(count, seed, Path(folder), directed):
-            try:
-                result = answer(case.argv)
-            except KeyboardInterrupt:
-                break
+            result = answer(case.argv)
             tally[case.command, case.format, result.code if not result.violation else "violation"] += 1
             if result.violation:
                 violations.append((case, result))
