@@ -62,6 +62,11 @@ def test_five_lines_give_a_pose(site, tmp_path):
     assert 0.3 < float(printed[-1]) < 1.5
 
 
+def test_every_wing_is_in_the_wheel(site):
+    wings = {path.parent.name for path in (ROOT / "lmmap").glob("*/__init__.py")}
+    assert wings == {path.parent.name for path in (site / "lmmap").glob("*/__init__.py")}
+
+
 def test_importing_is_immediate_and_writes_nothing(site, tmp_path):
     before = files(site)
     code = "import time; start = time.perf_counter(); import lmmap; print(time.perf_counter() - start)"
