@@ -106,8 +106,8 @@ train: env  ## train all twelve filters (an interrupted run goes on)
 bench: $(ORACLES)  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
 
-vo: env .venv-vo/.installed  ## run ORB-SLAM3 and SVO (GPL-3, in .venv-vo) beside our method (an hour)
-	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS)) $(if $(RUNS),--runs $(RUNS))
+vo: env .venv-vo/.installed  ## run ORB-SLAM3, SVO (GPL-3, in .venv-vo) and EVO beside our method (hours)
+	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS)) $(if $(RUNS),--runs $(RUNS)) $(if $(METHODS),--methods $(METHODS))
 
 .venv-vo/.installed: benchmarks/vo/requirements.txt
 	@$(VO_PYTHON) -m venv .venv-vo

@@ -9,16 +9,20 @@ tracks on the recording's first seconds.
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
-from evo import scenes
-from evo.event_frames import event_frame
-from evo.odometry import Odometry, Track
-from evo_scenes import CAMERA, events
 
 from lmmap.recordings.formats import open_recording
 from lmmap.studies.odometry import FOLDER
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
+
+from evo_scenes import CAMERA, events
+from vo.evo import scenes
+from vo.evo.event_frames import event_frame
+from vo.evo.odometry import Odometry, Track
 
 SCENE, SCENE_EVENTS = "boxes-fast", 2_500_000
 

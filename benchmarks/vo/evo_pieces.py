@@ -12,11 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from evo.odometry import Odometry
 
 from lmmap.provenance import save_table
 from lmmap.recordings.formats import open_recording
 from lmmap.studies.odometry import FOLDER, SEQUENCES
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
+
+from vo.evo.odometry import Odometry
 
 STARTS_S, SECONDS = (0.0, 10.0, 20.0), 2.0
 

@@ -12,10 +12,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from evo.odometry import Odometry
 from frames import Frames, TrackFile
 
 from lmmap.recordings.formats import open_recording
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
+
+from vo.evo.odometry import Odometry
 
 
 def main(folder: str, modality: str, start_s: str, output: str, *_) -> None:

@@ -10,18 +10,22 @@ nearest true surface within a pixel, for an edge between two surfaces belongs to
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
-from evo import scenes
-from evo.odometry import Odometry, Track
 
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, save_table
 from lmmap.studies.metrics import umeyama
 from lmmap.studies.odometry import ALIGNED_POSES, FOLDER
 from lmmap.types import Camera, Pose, Trajectory
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
+
+from vo.evo import scenes
+from vo.evo.odometry import Odometry, Track
 
 RATE_HZ = 20
 CAMERA = Camera.davis346()

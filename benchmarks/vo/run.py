@@ -154,8 +154,9 @@ def publish(rows: list[dict], folder: Path, facts: dict, kept_rows: list[dict]) 
     """Copy tracks and truth to data/results/odometry, with the log; tracks not in ``kept_rows`` go."""
     target = odometry.FOLDER
     target.mkdir(parents=True, exist_ok=True)
+    users = {f"EVO-event-{name}.tum" for name in odometry.SEQUENCES}  # of another EVO, put there by a user
     for old in target.glob("*.tum"):
-        if old.name not in {row["file"] for row in kept_rows}:
+        if old.name not in {*(row["file"] for row in kept_rows), *users}:
             old.unlink()
     for name in odometry.SEQUENCES:
         truth = read_trajectory(folder / f"{name}.truth.csv")
