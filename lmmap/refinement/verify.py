@@ -82,7 +82,11 @@ def _light(image) -> np.ndarray:
     """What the edges of an image are measured on, blurred, (H, W): the square root of a frame's light, as its
     noise is then alike everywhere, or a histogram's counts."""
     image = np.asarray(image, np.float32)
-    values = np.sqrt(image.mean(-1)) if image.ndim == 3 else np.minimum(image, SATURATED)
+    values = (
+        np.sqrt(cv2.transform(image, np.full((1, 3), 1 / 3)))
+        if image.ndim == 3
+        else np.minimum(image, SATURATED)
+    )
     return cv2.GaussianBlur(values, (0, 0), BLUR_PX)
 
 
