@@ -17,7 +17,6 @@ from long_recording import MAIN, child
 from lmmap import open_recording
 from lmmap.files import CAMERA, atomic
 from lmmap.provenance import DATA
-from lmmap.recordings import rosbag
 from lmmap.rig import authors_bags, standin, tf
 from lmmap.rig.rig import RIG_FILE
 from lmmap.rig.ur5e import follow
@@ -27,7 +26,7 @@ LIMIT_GB = 2.0
 
 
 class Mirrored:
-    """A short recording played to and fro, with the part of `Recording` that `rosbag.write` needs.
+    """A short recording played to and fro, with the part of `Recording` that `rosbag_writer.write` needs.
 
     Backward, frames are in reverse order.  Events keep their order: their rate and size are right, but not
     what they show.
@@ -67,7 +66,7 @@ def main(folder: Path, gigabytes: float) -> None:
     long = Mirrored(recording, int(np.ceil(gigabytes / period_gb)))
     path, start = folder / "dark__test.bag", time.perf_counter()
     with atomic(path) as temporary:
-        rosbag.write(long, temporary, tf.arm_messages(*long.arm()), calibrated=False)
+        rosbag_writer.write(long, temporary, tf.arm_messages(*long.arm()), calibrated=False)
     standin.write_hand_eye(folder / authors_bags.HAND_EYE)
     standin.RIG.save(folder / RIG_FILE)
     Camera.davis346().save(folder / CAMERA)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..files import CAMERA, atomic, beside, regular_file
 from ..types import Camera, InputError, Recording
-from . import aedat4, hdf5, images, pictures, prophesee, rosbag, rosbag2, sensors, tables, text
+from . import aedat4, hdf5, images, pictures, prophesee, rosbag, rosbag2, rosbag_writer, sensors, tables, text
 from .health import health
 from .pose_files import (
     read_estimates,
@@ -128,7 +128,7 @@ def write_recording(recording: Recording, path, suffixes=None) -> None:
 
 WRITERS = {
     ".aedat4": aedat4.write,
-    ".bag": rosbag.write,
+    ".bag": rosbag_writer.write,
     ".h5": hdf5.write,
     ".hdf5": hdf5.write,
 }

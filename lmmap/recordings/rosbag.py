@@ -1,38 +1,30 @@
-"""ROS 1 bags: event arrays and images, read from their packed bytes, and written."""
+"""ROS 1 bags: event arrays and images, read from their packed bytes."""
 
 from __future__ import annotations
 
-import io
-import os
 import re
 import struct
 import warnings
-from bz2 import BZ2Decompressor
 from contextlib import contextmanager
 from functools import lru_cache, partial
-from heapq import merge
 from pathlib import Path
 
 import cv2
 import numpy as np
-from lz4.frame import LZ4FrameDecompressor
-from rosbags.rosbag1 import Reader, ReaderError, Writer
-from rosbags.rosbag1.reader import Chunk, Header, RecordType, read_uint32
+from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from ..files import regular_file
 from ..pipeline.histograms import from_columns
-from ..types import Camera, InputError, Recording
+from .bounded_bag import BoundedReader
 from .images import decode
-from .limits import MAX_CHUNK_BYTES, check_image
-from .stream import Source, in_chunks, input_errors, pieces
+from .limits import check_image
+from .stream import Source, in_chunks, input_errors
 
 ERRORS = (ReaderError, SerdeError, TypesysError, AssertionError, LookupError, RuntimeError, cv2.error)
 MAGIC = b"#ROSBAG V2.0\n"
-DECOMPRESSORS = {"none": None, "bz2": BZ2Decompressor, "lz4": LZ4FrameDecompressor}
 STORE = get_typestore(Stores.ROS1_NOETIC)
-PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
 for _name, _definition in (
@@ -121,56 +113,6 @@ def open_bag(path):
             yield bag
 
 
-class BoundedReader(Reader):
-    """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
-
-    def open(self) -> None:
-        self.path = _BoundedPath(self.path)
-        super().open()
-
-    def read_chunk(self) -> Chunk:
-        header = Header.read(self.bio, RecordType.CHUNK)
-        kind, size = header.get_string("compression"), header.get_uint32("size")
-        datasize = read_uint32(self.bio)
-        datapos = self.bio.tell()
-        if kind not in DECOMPRESSORS:
-            raise ReaderError(f"Compression {kind!r} is not supported.")
-        if max(size, datasize) > MAX_CHUNK_BYTES or datapos + datasize > os.fstat(self.bio.fileno()).st_size:
-            raise ReaderError(f"A chunk of {max(size, datasize)} bytes.")
-        self.bio.seek(datasize, os.SEEK_CUR)
-        return Chunk(datasize, datapos, partial(_decompressed, DECOMPRESSORS[kind], size))
-
-
-class _BoundedPath:
-    """A path whose file refuses to read more at once than any record has."""
-
-    def __init__(self, path: Path):
-        self._path = path
-
-    def __str__(self) -> str:
-        return str(self._path)
-
-    def open(self, mode: str) -> io.BufferedReader:
-        return _BoundedFile(io.FileIO(self._path, mode))
-
-
-class _BoundedFile(io.BufferedReader):
-    def read(self, size: int = -1) -> bytes:
-        if size > MAX_CHUNK_BYTES:
-            raise ReaderError(f"A record of {size} bytes.")
-        return super().read(size)
-
-
-def _decompressed(decompressor, size: int, content: bytes) -> bytes:
-    """A chunk's bytes; ValueError where they are not as many as its header states."""
-    if decompressor is not None:
-        inflate = decompressor()
-        content = inflate.decompress(content, max_length=size + 1)
-    if len(content) != size:
-        raise ValueError(f"a chunk that does not decompress to its {size} bytes")
-    return content
-
-
 def _file_errors(path: Path):
     remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
     return input_errors(path, "cannot read this bag", remedy, ERRORS)
@@ -229,70 +171,3 @@ def rgb(message) -> np.ndarray:
     )
     code = TO_RGB[message.encoding]
     return pixels if code is None else cv2.cvtColor(pixels, code)
-
-
-def write(recording: Recording, path: Path, others=(), calibrated: bool = True) -> None:
-    """Write ``/dvs/events``, ``/dvs/image_raw`` and, if ``calibrated``, ``/dvs/camera_info`` with each image.
-
-    ``others`` are further topics: ``(topic, type, messages)`` with messages ``(t_us, bytes)`` in the order
-    of time.  All are interleaved by time.  Raises `OSError`, and ValueError for negative times.
-    """
-    topics = [("/dvs/events", "dvs_msgs/msg/EventArray", _event_messages(recording)),
-              ("/dvs/image_raw", IMAGES[0], _image_messages(recording)), *others]  # fmt: skip
-    if calibrated:
-        info = _camera_info(recording.camera)
-        messages = ((t_us, header(t_us) + info) for t_us, _ in recording.timed_frames())
-        topics.append(("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", messages))
-    with Writer(path) as bag:
-        connections = [bag.add_connection(topic, kind, typestore=STORE) for topic, kind, _ in topics]
-        numbered = (_numbered(k, messages) for k, (_, _, messages) in enumerate(topics))
-        ordered = merge(*numbered, key=lambda m: m[0])
-        for t_us, k, raw in ordered:
-            bag.write(connections[k], t_us * 1000, raw)
-
-
-def _numbered(number: int, messages):
-    return ((t_us, number, raw) for t_us, raw in messages)
-
-
-def _event_messages(recording: Recording):
-    width, height = recording.camera.size_px
-    record = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
-    for chunk in recording.chunks():
-        for e in pieces(chunk, PER_MESSAGE):
-            packed = np.zeros(len(e), record)
-            packed["x"], packed["y"], packed["p"] = e["x"], e["y"], e["p"]
-            packed["s"], packed["ns"] = e["t_us"] // 10**6, e["t_us"] % 10**6 * 1000
-            t_us = int(e["t_us"][-1])
-            yield t_us, header(t_us) + struct.pack("<III", height, width, len(e)) + packed.tobytes()
-
-
-def _image_messages(recording: Recording):
-    width, height = recording.camera.size_px
-    form = struct.pack("<II", height, width) + struct.pack("<I", 4) + b"rgb8"
-    form += struct.pack("<BII", 0, 3 * width, 3 * width * height)
-    for t_us, frame in recording.timed_frames():
-        yield int(t_us), header(t_us) + form + np.ascontiguousarray(frame).tobytes()
-
-
-def header(t_us: int, frame: str = "") -> bytes:
-    """A std_msgs/Header; `InputError` for a time that ROS cannot write."""
-    if not 0 <= t_us < 2**32 * 10**6:
-        raise InputError(f"bag: a time of {t_us} us, and ROS has 0 to 2^32 s; shift the recording's times")
-    return struct.pack("<III", 0, t_us // 10**6, t_us % 10**6 * 1000) + text(frame)
-
-
-def text(value: str) -> bytes:
-    """A string as a message holds it."""
-    return struct.pack("<I", len(value)) + value.encode()
-
-
-def _camera_info(camera: Camera) -> bytes:
-    """A sensor_msgs/CameraInfo behind its header; k1, k2, p1, p2, k3 are the plumb_bob model's."""
-    D = np.zeros(5)
-    D[: len(camera.distortion)] = camera.distortion
-    P = np.column_stack([camera.K, np.zeros(3)])
-    model = b"plumb_bob"
-    body = struct.pack(f"<III{len(model)}sI", camera.height_px, camera.width_px, len(model), model, len(D))
-    body += np.concatenate([D, camera.K.ravel(), np.eye(3).ravel(), P.ravel()]).astype("<f8").tobytes()
-    return body + bytes(4 + 4 + 17)  # no binning, no region of interest

@@ -19,7 +19,6 @@ from ..bench.laboratory import sequence, sequence_motion
 from ..files import atomic
 from ..geometry.projection import bearings
 from ..geometry.rotations import rotation_z
-from ..recordings import rosbag
 from ..types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 from . import authors_bags, tf, ur5e
 from .rig import Rig
@@ -66,7 +65,7 @@ def write_bag(recording: Recording, path, rig: Rig = RIG) -> None:
         joints = np.tile([0.0, -1.6, 1.6, -1.6, -1.6, 0.0], (len(t_us), 1))
     with atomic(path) as temporary:
         others = tf.arm_messages(t_us + START_US, joints)
-        rosbag.write(shift_time(recording, START_US), temporary, others, calibrated=False)
+        rosbag_writer.write(shift_time(recording, START_US), temporary, others, calibrated=False)
 
 
 def arm_poses(T_cam_port: Pose, rig: Rig = RIG) -> Pose:

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..recordings.rosbag import STORE, header, open_bag, text
+from ..recordings.rosbag import STORE, open_bag
+from ..recordings.rosbag_writer import header, text
 from ..types import InputError, Pose
 from . import ur5e
 from .ur5e import LinkMotion
@@ -204,7 +205,7 @@ def _missing_link(links, joints, root: str, tip: str) -> str:
 
 
 def arm_messages(t_us, joints_rad) -> list[tuple]:
-    """Topics /tf and /joint_states of a UR5e at times (N,) with joint angles (N, 6), for `rosbag.write`."""
+    """Topics /tf and /joint_states of a UR5e at times (N,) with joint angles (N, 6), for a bag."""
     links = [(ur5e.LINKS[k], ur5e.LINKS[k + 1], ur5e.joint_link(k, joints_rad[:, k])) for k in range(6)]
     fixed = [(p, c, T[None].rotation, T[None].position_m) for (p, c), T in ur5e.FIXED.items()]
     moving = [(p, c, T.rotation, T.position_m) for p, c, T in links]

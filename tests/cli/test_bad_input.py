@@ -226,7 +226,7 @@ def test_nothing_in_the_module_can_unpickle():
         r"pickle(?!=False)|\bshelve\b|\bmarshal\b|torch\.load|joblib\.load|unsafe_load|yaml\.load\(|\beval\(|\bexec\("
     )
     net_eval = re.compile(r"\.eval\(\)|def eval\(")  # a network's mode; the name of Mitsuba's method
-    for path in [*(ROOT / "lmmap").glob("*.py"), *(ROOT / "benchmarks").glob("*.py")]:
+    for path in [*(ROOT / "lmmap").rglob("*.py"), *(ROOT / "benchmarks").glob("*.py")]:
         lines = path.read_text().splitlines()
         found = [line for line in lines if word.search(net_eval.sub("", line))]
         assert not found, f"{path.name}: {found}"

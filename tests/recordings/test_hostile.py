@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from lmmap.recordings import rosbag, stream
+from lmmap.recordings import rosbag_writer, stream
 from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
 from lmmap.recordings.limits import MAX_TIME_US
 from lmmap.types import EVENT, Camera, InputError, Port
@@ -76,7 +76,7 @@ def test_a_chunk_of_a_bag_is_as_long_as_it_says():
 
 def test_ros_cannot_write_negative_times():
     with pytest.raises(InputError, match="shift"):
-        rosbag.header(-1)
+        rosbag_writer.header(-1)
 
 
 def test_our_own_mistakes_are_not_damaged_files(tmp_path):

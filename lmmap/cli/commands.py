@@ -1,0 +1,68 @@
+"""The parser of the ``lmmap`` command, as it grows by one subcommand after another."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+EXAMPLES = """examples:
+  lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
+  lmmap info demo.aedat4
+  lmmap estimate demo.aedat4 --modality event -o poses.csv
+  lmmap evaluate demo.aedat4
+'lmmap COMMAND --help' has more of them.
+"""
+
+
+class _Version(argparse.Action):
+    """Print the installed version; looking it up takes a tenth of a second, which others need not wait."""
+
+    def __call__(self, parser, *_):
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            number = version("lmmap")
+        except PackageNotFoundError:
+            number = "of a checkout that is not installed"
+        print(f"lmmap {number}")
+        parser.exit()
+
+
+class Commands:
+    """The parser of the command line, as it grows by one subcommand after another."""
+
+    def __init__(self, complete_files=None):
+        self.complete_files = complete_files
+        self.parser = argparse.ArgumentParser(
+            "lmmap",
+            description="Pose of the LM-MAP docking port from an RGB or event camera.",
+            epilog=EXAMPLES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        self.parser.add_argument(
+            "--version", action=_Version, nargs=0, help="print the version of lmmap and exit"
+        )
+        self._commands = self.parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def add(self, name: str, run: str, text: str, examples: str = "") -> argparse.ArgumentParser:
+        """A subcommand whose work is done by ``run``, a function named as ``module:function``."""
+        command = self._commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:],
+            epilog=examples,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(run=run)
+        return command
+
+    def add_file(self, command, *names: str, **options) -> None:
+        """An argument that is a file's name, which the shell can complete."""
+        options = {"metavar": "FILE"} | options
+        action = command.add_argument(*names, type=Path, **options)
+        if self.complete_files is not None:
+            action.complete = self.complete_files
+
+    def add_output(self, command, text: str, **options) -> None:
+        self.add_file(command, "-o", "--output", help=text, **options)
+        command.add_argument("--overwrite", action="store_true", help="replace an output that exists")
