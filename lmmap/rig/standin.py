@@ -19,6 +19,7 @@ from ..bench.laboratory import sequence, sequence_motion
 from ..files import atomic
 from ..geometry.projection import bearings
 from ..geometry.rotations import rotation_z
+from ..recordings import rosbag_writer
 from ..types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 from . import authors_bags, tf, ur5e
 from .rig import Rig

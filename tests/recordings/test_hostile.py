@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from lmmap.recordings import rosbag_writer, stream
+from lmmap.recordings import bounded_bag, rosbag_writer, stream
 from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
 from lmmap.recordings.limits import MAX_TIME_US
 from lmmap.types import EVENT, Camera, InputError, Port
@@ -71,7 +71,7 @@ def test_times_are_bounded_for_who_counts_faults_too(tmp_path):
 
 def test_a_chunk_of_a_bag_is_as_long_as_it_says():
     with pytest.raises(ValueError, match="does not decompress to its 10 bytes"):
-        rosbag._decompressed(None, 10, b"x" * 11)
+        bounded_bag._decompressed(None, 10, b"x" * 11)
 
 
 def test_ros_cannot_write_negative_times():
