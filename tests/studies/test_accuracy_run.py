@@ -125,7 +125,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, mo
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 12
+    assert len(tables) == 13
     other, left, lines = quick.parent / "other", Estimates(), []
     monkeypatch.setattr(accuracy_run, "DERIVED_DATA", other)
     monkeypatch.setattr(accuracy_run, "_estimates", left)
