@@ -80,6 +80,11 @@ def test_every_public_name_exists(site, tmp_path):
     assert python(site, tmp_path, code).strip() == "True"
 
 
+def test_what_needs_a_checkout_says_so(site, tmp_path):
+    code = "from lmmap.cli.main import main; print(main(['reproduce']))"
+    assert python(site, tmp_path, code).strip() == "1" and not files(tmp_path)
+
+
 def test_the_wheel_declares_what_it_needs(site):
     (metadata,) = site.glob("lmmap-*.dist-info/METADATA")
     needs = [line for line in metadata.read_text().splitlines() if line.startswith("Requires-Dist")]

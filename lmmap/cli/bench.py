@@ -13,7 +13,7 @@ from ..bench.simulate import record, record_all
 from ..files import check_output
 from ..pipeline.network import CHANNELS
 from ..pipeline.weights import DOMAIN_GAPS, FILTERS
-from ..provenance import DERIVED_DATA, save_json
+from ..provenance import CHECKOUT, DERIVED_DATA, save_json
 from ..recordings.formats import WRITERS
 from ..studies import accuracy_run
 from ..training.recipe import Recipe
@@ -86,6 +86,8 @@ def train(a) -> None:
 
 def reproduce(a) -> None:
     """The accuracy study of a profile, or a folder of bags'."""
+    if not CHECKOUT:
+        raise InputError("reproduce: an installed package has no book and no pins; run it in a checkout")
     paper = a.profile == "paper"
     if a.go_on and (a.data or not paper):
         raise InputError("--go-on: only the paper profile's results on the bench are packed; "
