@@ -11,8 +11,10 @@ and formats, and each violation; ends with 1 if there is one.
 
 from __future__ import annotations
 
+import argparse
 import bz2
 import collections
+import hashlib
 import json
 import os
 import resource
@@ -535,6 +537,29 @@ def attack(
     return tally, violations
 
 
+def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
+    """Run every command on sound files; arguments and problem of each bad answer or changed input."""
+    inputs = folder / "inputs"
+    inputs.mkdir()
+    sound = sound_files(inputs, np.random.default_rng(0))
+    before, ran, wrong = digests(inputs), set(), []
+    for kind, path in sound.items():
+        for name, argv in commands(path, kind, folder, sound).items():
+            if (name, kind) in ran or (name == "live" and kind != ".h5"):
+                continue
+            ran.add((name, kind))
+            problem = answer(argv).violation or (digests(inputs) != before and "an input changed")
+            wrong += [(argv, problem)] if problem else []
+    print(*sorted({name for name, _ in ran}))
+    return wrong
+
+
+def digests(folder: Path) -> dict[Path, str]:
+    """Hashes of all files below a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
 def print_table(tally: collections.Counter) -> None:
     """Cases, exits and violations of each command and format."""
     print(f"{'command':14}{'format':16}{'cases':>7}{'exit 0':>8}{'exit 1':>8}{'violations':>12}")
@@ -556,11 +581,19 @@ def warm_up() -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("count", type=int, nargs="?", default=10_000)
+    parser.add_argument("seed", type=int, nargs="?", default=0)
+    parser.add_argument("--mutations-only", action="store_true", help="without the directed attacks")
+    parser.add_argument("--sound-in", type=Path, help="run each command on sound files here instead")
+    arguments = parser.parse_args()
     began = time.monotonic()
     warm_up()
-    counts, wrong = attack(
-        int(sys.argv[1]) if len(sys.argv) > 1 else 10_000, int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    )
+    if arguments.sound_in:
+        problems = changed_inputs(arguments.sound_in)
+        print(*problems, sep="\n", end="", file=sys.stderr)
+        sys.exit(bool(problems))
+    counts, wrong = attack(arguments.count, arguments.seed, directed=not arguments.mutations_only)
     print_table(counts)
     print(json.dumps({"minutes": round((time.monotonic() - began) / 60, 1), "violations": len(wrong)}))
     sys.exit(bool(wrong))
