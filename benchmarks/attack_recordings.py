@@ -554,10 +554,10 @@ def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
     return wrong
 
 
-def digests(folder: Path) -> dict[Path, str]:
-    """Hashes of all files below a folder."""
+def digests(folder: Path) -> dict[str, str]:
+    """Hashes of all files below a folder, by their names in it."""
     files = (path for path in folder.rglob("*") if path.is_file())
-    return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def print_table(tally: collections.Counter) -> None:

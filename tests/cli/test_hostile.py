@@ -1,6 +1,5 @@
 """Commands lose nothing: outputs that are not theirs stay, inputs never change, and answers are short."""
 
-import hashlib
 import json
 import os
 import subprocess
@@ -36,14 +35,6 @@ def estimate(output, *extra, recording=MINI):
     return ("estimate", recording, "--modality", "rgb", "--rate", "5", "-o", output, *extra)
 
 
-def hashes(folder: Path) -> dict:
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in sorted(folder.rglob("*"))
-        if p.is_file()
-    }
-
-
 @pytest.mark.parametrize("extra", [(), ("--resume",), ("--resume", "--format", "tum")])
 def test_a_file_that_is_not_ours_is_not_touched(tmp_path, lmmap, extra):
     path = tmp_path / "poses.csv"
@@ -57,7 +48,7 @@ def test_a_file_that_is_not_ours_is_not_touched(tmp_path, lmmap, extra):
 def test_no_output_replaces_an_input(tmp_path, lmmap, flag):
     for source in (MINI, MINI.with_suffix(".camera.json"), MINI.with_suffix(".truth.csv")):
         (tmp_path / source.name).write_bytes(source.read_bytes())
-    before = hashes(tmp_path)
+    before = attacks.digests(tmp_path)
     recording = tmp_path / MINI.name
     (tmp_path / "link.csv").symlink_to(recording)
     for output in (
@@ -68,19 +59,19 @@ def test_no_output_replaces_an_input(tmp_path, lmmap, flag):
     ):
         code, _, err = lmmap(*estimate(output, flag, recording=recording))
         assert code == 1 and "is also read as" in err
-    assert {k: v for k, v in hashes(tmp_path).items() if k != "link.csv"} == before
+    assert {k: v for k, v in attacks.digests(tmp_path).items() if k != "link.csv"} == before
 
 
 def test_an_output_that_exists_needs_a_word(tmp_path, lmmap):
     path = tmp_path / "poses.csv"
     assert lmmap(*estimate(path))[0] == 0
-    before = hashes(tmp_path)
+    before = attacks.digests(tmp_path)
     code, _, err = lmmap(*estimate(path))
-    assert code == 1 and "--overwrite" in err and hashes(tmp_path) == before
-    assert lmmap(*estimate(path, "--resume"))[0] == 0 and hashes(tmp_path) == before
+    assert code == 1 and "--overwrite" in err and attacks.digests(tmp_path) == before
+    assert lmmap(*estimate(path, "--resume"))[0] == 0 and attacks.digests(tmp_path) == before
     code, _, err = lmmap(*estimate(path, "--resume", "--events", "500"))
-    assert code == 1 and "settings" in err and hashes(tmp_path) == before
-    assert lmmap(*estimate(path, "--overwrite"))[0] == 0 and hashes(tmp_path) == before
+    assert code == 1 and "settings" in err and attacks.digests(tmp_path) == before
+    assert lmmap(*estimate(path, "--overwrite"))[0] == 0 and attacks.digests(tmp_path) == before
 
 
 def test_two_processes_on_one_output(tmp_path):
