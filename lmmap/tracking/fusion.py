@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from ..geometry.rotations import equal_turns, rotation_angle_rad
 from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status
-from .motion_model import POSE, Track, repetition
+from .motion_model import MotionState, repetition
 
 LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
@@ -43,7 +43,8 @@ class Fusion:
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
         if not np.deg2rad(1) <= yaw_period_rad <= 2 * np.pi:
             raise ValueError(f"yaw_period_rad: expected 1 to 360 degrees in rad, got {yaw_period_rad!r}")
-        self.motion, self.track = motion, None
+        self.motion, self.state = motion, None
+        self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
         self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
         self._statuses: dict[str, Status] = {}
@@ -73,7 +74,9 @@ class Fusion:
         track, whole = self._at(t_us), [camera for camera, e in seen.items() if e.T_cam_port is not None]
         if track is None and whole:
             first = min(whole, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
-            track = self.track = Track.start(seen.pop(first), first, self.motion)
+            e = seen.pop(first)
+            track = self.state = MotionState.start(t_us, e.T_cam_port, e.covariance, self.motion)
+            self.seen_us = {first: t_us}
         if track is None:
             return
         information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
@@ -81,11 +84,11 @@ class Fusion:
             if (match := self._match(track, e)) is None:
                 continue
             y, S = match
-            weight = np.linalg.inv(S * self._repetition(track, camera, t_us))
+            weight = np.linalg.inv(S * self._repetition(camera, t_us))
             information, vector, taken = information + weight, vector + weight @ y, {**taken, camera: t_us}
         if taken:
             S = np.linalg.inv(information)
-            self.track = track.correct(S @ vector, S, taken)
+            self.state, self.seen_us = track.correct(S @ vector, S), self.seen_us | taken
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
@@ -95,17 +98,17 @@ class Fusion:
         if track is None:
             status = max(self._statuses.values(), key=_progress, default=Status.NO_RING)
             return Estimate(t_us, Status.NO_RING if status == Status.OK else status)
-        n = self.track.T_cam_port.normal
-        if n @ self.track.covariance[3:6, 3:6] @ n > (1 + 1e-6) * self._unknown_rad**2:
+        n = self.state.T_cam_port.normal
+        if n @ self.state.covariance[3:6, 3:6] @ n > (1 + 1e-6) * self._unknown_rad**2:
             return Estimate(t_us, Status.NO_MARKERS)
-        return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.covariance[POSE, POSE])
+        return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.pose_covariance)
 
-    def _at(self, t_us: int) -> Track | None:
-        if self.track is None or t_us - max(self.track.seen_us.values()) > 1e6 * self.motion.lost_s:
+    def _at(self, t_us: int) -> MotionState | None:
+        if self.state is None or t_us - max(self.seen_us.values()) > 1e6 * self.motion.lost_s:
             return None
-        return self.track.predict(t_us, self.motion)
+        return self.state.predict(t_us)
 
-    def _match(self, track: Track, e: Estimate):
+    def _match(self, track: MotionState, e: Estimate):
         """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the
         gate; of a ring, of the nearer of its two poses; None beyond the gate."""
         whole = e.T_cam_port is not None
@@ -118,7 +121,7 @@ class Fusion:
             n = T.normal
             y = self._innovation(track.T_cam_port, T) if whole else _to_ring(track.T_cam_port, T)
             S = S if whole else S + np.pad(FREE_RAD**2 * np.outer(n, n), ((3, 0), (3, 0)))
-            distance = y @ np.linalg.solve(track.covariance[POSE, POSE] + S, y)
+            distance = y @ np.linalg.solve(track.pose_covariance + S, y)
             if distance <= self.motion.gate:
                 within_gate.append((distance, y, S))
         if not within_gate:
@@ -131,11 +134,11 @@ class Fusion:
         nearest = turned[np.argmin(rotation_angle_rad(turned))]
         return np.concatenate([measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()])
 
-    def _repetition(self, track: Track, camera: str, t_us: int) -> float:
+    def _repetition(self, camera: str, t_us: int) -> float:
         """1 for a camera's first estimate."""
-        if camera not in track.seen_us:
+        if camera not in self.seen_us:
             return 1.0
-        return repetition(1e-6 * (t_us - track.seen_us[camera]), self.motion.correlation_s)
+        return repetition(1e-6 * (t_us - self.seen_us[camera]), self.motion.correlation_s)
 
 
 def fuse(

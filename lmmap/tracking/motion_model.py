@@ -10,14 +10,13 @@ White acceleration drives it.  From one time to the next
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..settings import MotionSettings
-from ..types import Estimate, Pose
+from ..settings import OURS, MotionSettings
+from ..types import Pose
 
 POSE, RATE = slice(0, 6), slice(6, 12)
 
@@ -29,26 +28,40 @@ def repetition(dt_s: float, correlation_s: float) -> float:
 
 
 @dataclass(frozen=True)
-class Track:
-    """Pose, velocity (6,) and covariance (12, 12) at a time; ``seen_us`` of the last accepted estimate of
-    each camera."""
+class MotionState:
+    """Pose, velocity (6,) and covariance (12, 12) at a time, and what is assumed of the motion.
+
+    No method changes a state; each returns another one.
+    """
 
     t_us: int
     T_cam_port: Pose
     velocity: np.ndarray
     covariance: np.ndarray
-    seen_us: Mapping[str, int]
+    motion: MotionSettings = OURS.motion
 
     @classmethod
-    def start(cls, e: Estimate, camera: str, motion: MotionSettings) -> Track:
-        """At an estimate, with a velocity of which only the usual size is known."""
+    def start(cls, t_us: int, T_cam_port: Pose, covariance, motion: MotionSettings = OURS.motion):
+        """At a measured pose with its covariance (6, 6), and a velocity of which only the usual size is
+        known."""
         rates = np.repeat([motion.speed_m_s**2, motion.rate_rad_s**2], 3)
-        covariance = np.diag(np.concatenate([np.zeros(6), rates]))
-        covariance[POSE, POSE] = e.covariance
-        return cls(e.t_us, e.T_cam_port, np.zeros(6), covariance, {camera: e.t_us})
+        both = np.diag(np.concatenate([np.zeros(6), rates]))
+        both[POSE, POSE] = covariance
+        return cls(t_us, T_cam_port, np.zeros(6), both, motion)
 
-    def predict(self, t_us: int, motion: MotionSettings) -> Track:
-        """The same at a later time."""
+    @property
+    def pose_covariance(self) -> np.ndarray:
+        """Of ``T_cam_port`` alone, (6, 6)."""
+        return self.covariance[POSE, POSE]
+
+    def predict(self, t_us: int) -> MotionState:
+        """The same at a later time.
+
+        Raises
+        ------
+        ValueError
+            For a time before the state's.
+        """
         dt = (t_us - self.t_us) * 1e-6
         if dt < 0:
             raise ValueError(f"t_us: expected {self.t_us} or later, got {t_us}")
@@ -58,12 +71,18 @@ class Track:
         F[0:3, 6:9] = dt * np.eye(3)
         F[3:6, 3:6] = turn
         F[3:6, 9:12] = dt * Rotation.from_rotvec(w * dt / 2).as_matrix()  # the left Jacobian, to dt^3
-        density = np.repeat([motion.acceleration_m**2, motion.acceleration_rad**2], 3)
+        density = np.repeat([self.motion.acceleration_m**2, self.motion.acceleration_rad**2], 3)
         Q = np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.diag(density))
         T = Pose(turn @ self.T_cam_port.rotation, self.T_cam_port.position_m + v * dt)
         return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(F @ self.covariance @ F.T + Q))
 
-    def correct(self, y, S, seen_us: Mapping[str, int]) -> Track:
+    def update(self, T_cam_port: Pose, covariance) -> MotionState:
+        """The same after a measured pose with its covariance (6, 6)."""
+        turned = Rotation.from_matrix(T_cam_port.rotation @ self.T_cam_port.rotation.T).as_rotvec()
+        moved_m = T_cam_port.position_m - self.T_cam_port.position_m
+        return self.correct(np.concatenate([moved_m, turned]), covariance)
+
+    def correct(self, y, S) -> MotionState:
         """The same after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""
         P = self.covariance
         K = np.linalg.solve(P[POSE, POSE] + S, P[POSE]).T
@@ -75,8 +94,7 @@ class Track:
             self.T_cam_port.position_m + step[:3],
         )
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
-                       covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T),
-                       seen_us={**self.seen_us, **seen_us})  # fmt: skip
+                       covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T))  # fmt: skip
 
 
 def _symmetric(A):

@@ -75,7 +75,7 @@ def test_alike_errors_are_worth_what_their_correlation_leaves(correlation_s):
         filter_.add({"rgb": seen(int(1e6 * k * dt_s))})
     lags = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
     worth = np.linalg.inv(np.exp(-lags * dt_s / correlation_s)).sum()
-    np.testing.assert_allclose(filter_.track.covariance[:6, :6] * worth, LOOSE, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(filter_.state.covariance[:6, :6] * worth, LOOSE, rtol=1e-6, atol=1e-12)
 
 
 @settings(max_examples=30)
@@ -130,7 +130,7 @@ def test_the_covariance_stays_one(seed, scale):
         t_us += int(rng.integers(1, 200_000))
         S = drawn(rng, scale)
         filter_.add({rng.choice(["rgb", "event"]): noisy(rng, T0, S, t_us)})
-        P = filter_.track.covariance
+        P = filter_.state.covariance
         assert np.array_equal(P, P.T)
         spread = np.sqrt(P.diagonal())
         assert np.linalg.eigvalsh(P / np.outer(spread, spread)).min() > 0
@@ -145,7 +145,7 @@ def test_a_grossly_wrong_estimate_is_not_taken():
     filter_.add({"event": seen(500_000, wrong)})
     after = filter_.at(500_000)
     np.testing.assert_allclose(after.T_cam_port.position_m, before.T_cam_port.position_m, atol=1e-12)
-    assert "event" not in filter_.track.seen_us
+    assert "event" not in filter_.seen_us
 
 
 def test_the_rival_stands_in_where_it_fits():
@@ -155,7 +155,7 @@ def test_the_rival_stands_in_where_it_fits():
     for k in range(5):
         filter_.add({"rgb": seen(100_000 * k)})
     filter_.add({"event": seen(500_000, wrong, rival=T0)})
-    assert filter_.track.seen_us["event"] == 500_000
+    assert filter_.seen_us["event"] == 500_000
     assert rotation_between_rad(filter_.at(500_000).T_cam_port.rotation, T0.rotation, PERIOD) < 1e-6
 
 
@@ -200,8 +200,8 @@ def test_true_poses_lie_where_the_covariance_says():
         density = np.repeat([motion.acceleration_m, motion.acceleration_rad], 3)
         for k in range(20):
             filter_.add({("rgb", "event")[k % 2]: noisy(rng, T, LOOSE, int(1e6 * dt * k))})
-            error = step_between(filter_.track.T_cam_port, T)
-            P = filter_.track.covariance[:6, :6]
+            error = step_between(filter_.state.T_cam_port, T)
+            P = filter_.state.covariance[:6, :6]
             inside.append(error @ np.linalg.solve(P, error) < chi2.ppf(0.95, 6))
             for _ in range(10):
                 rate = rate + density * np.sqrt(dt / 10) * rng.standard_normal(6)
@@ -262,7 +262,7 @@ def test_of_a_rings_two_poses_the_nearer_counts_and_none_begins_a_track():
     assert filter_.at(0).status == Status.NO_MARKERS
     filter_.add({"rgb": seen(100_000)})
     filter_.add({"event": ring_only(200_000, far, twin=T0)})
-    assert filter_.track.seen_us["event"] == 200_000
+    assert filter_.seen_us["event"] == 200_000
     assert np.rad2deg(np.arccos(min(1, filter_.at(200_000).T_cam_port.normal @ T0.normal))) < 0.1
 
 
