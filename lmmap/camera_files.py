@@ -27,7 +27,9 @@ OFFSET_M = (float, -1e3, 1e3)
 CAMERA = {
     "width_px": SIZE_PX, "height_px": SIZE_PX, "fx_px": FOCAL_PX, "fy_px": FOCAL_PX,
     "cx_px": CENTRE_PX, "cy_px": CENTRE_PX, "distortion": (COEFFICIENT, (0, 4, 5)),
+    "distortion_model": (str, "radtan", "equidistant"),
 }  # fmt: skip
+ROS_MODELS = {"plumb_bob": "radtan", "radtan": "radtan", "equidistant": "equidistant", "equi": "equidistant"}
 PORT = {
     **dict.fromkeys(("ring_radius_m", "ring_inner_radius_m", "ring_outer_radius_m", "plate_circumradius_m",
                      "marker_radius_m", "stem_radius_m"), LENGTH_M),
@@ -87,7 +89,8 @@ def read_json(text: str):
 def check_fields(values: dict, schema: dict, required: set[str]) -> dict:
     """The values, lists as tuples, where each is of its schema's type and within its range.
 
-    A schema has ``(type, low, high)``, or for lists of such numbers ``((type, low, high), lengths)``.
+    A schema has ``(type, low, high)``, or for lists of such numbers ``((type, low, high), lengths)``, or
+    ``(str, *choices)``.
 
     Raises
     ------
@@ -110,6 +113,10 @@ def _checked(name: str, value, rule):
             counts = " or ".join(map(str, lengths))
             raise ValueError(f"{name}: expected a list of {counts} numbers, got {_shown(value)}")
         return tuple(_checked(name, v, number) for v in value)
+    if rule[0] is str:
+        if value not in rule[1:]:
+            raise ValueError(f"{name}: expected {' or '.join(rule[1:])}, got {_shown(value)}")
+        return value
     kind, low, high = rule
     expected = "a whole number" if kind is int else "a number"
     if isinstance(value, bool) or not isinstance(value, (int,) if kind is int else (int, float)):
@@ -147,29 +154,44 @@ def _yaml_camera(text: str) -> dict:
     if "cam0" in document:
         return _kalibr_camera(_mapping(document["cam0"], "cam0"))
     model = document.get("distortion_model", "plumb_bob")
-    if model not in ("plumb_bob", "radtan"):
-        raise ValueError(f"distortion model {_shown(model)} is not radial-tangential")
+    if model not in ROS_MODELS:
+        raise ValueError(f"distortion model {_shown(model)} is none of {', '.join(ROS_MODELS)}")
+    model = ROS_MODELS[model]
     k = _data(document, "camera_matrix")
     if len(k) != 9:
         raise ValueError(f"camera_matrix: expected 9 numbers, got {len(k)}")
     distortion = _data(document, "distortion_coefficients") if "distortion_coefficients" in document else []
-    if any(distortion[5:]):
-        raise ValueError(f"{len(distortion)} distortion coefficients, expected k1, k2, p1, p2, k3")
+    most = 4 if model == "equidistant" else 5
+    if any(distortion[most:]):
+        expected = "k1, k2, k3, k4" if model == "equidistant" else "k1, k2, p1, p2, k3"
+        raise ValueError(f"{len(distortion)} distortion coefficients, expected {expected}")
     values = {name: _entry(document, key) for name, key in (("width_px", "image_width"),
                                                             ("height_px", "image_height"))}  # fmt: skip
     values |= dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), (k[0], k[4], k[2], k[5]), strict=True))
-    return values | {"distortion": distortion[:5] if any(distortion) else []}
+    return values | _lens(distortion[:most], model)
 
 
 def _kalibr_camera(camera: dict) -> dict:
     """The first camera of a camchain."""
     model = _entry(camera, "camera_model"), camera.get("distortion_model", "none")
-    if model not in (("pinhole", "radtan"), ("pinhole", "none")):
-        raise ValueError(f"camera model {model[0]!s:.20}-{model[1]!s:.20} is not pinhole-radtan")
+    if model[0] != "pinhole" or model[1] not in ("radtan", "equidistant", "equi", "none"):
+        raise ValueError(
+            f"camera model {model[0]!s:.20}-{model[1]!s:.20} is not pinhole-radtan or pinhole-equidistant"
+        )
     size, intrinsics = _numbers(camera, "resolution", 2), _numbers(camera, "intrinsics", 4)
     names = "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"
     values = dict(zip(names, (*size, *map(_float, intrinsics)), strict=True))
-    return values | {"distortion": [_float(d) for d in camera.get("distortion_coeffs") or ()]}
+    coefficients = camera.get("distortion_coeffs") or []
+    if not isinstance(coefficients, list):
+        raise ValueError(f"distortion_coeffs: expected a list of numbers, got {_shown(coefficients)}")
+    return values | _lens([_float(c) for c in coefficients], ROS_MODELS.get(model[1], "radtan"))
+
+
+def _lens(coefficients: list, model: str) -> dict:
+    """The fields of a lens; a fisheye without coefficients still is one."""
+    if model == "equidistant":
+        return {"distortion": coefficients or [0.0] * 4, "distortion_model": model}
+    return {"distortion": coefficients if any(coefficients) else []}
 
 
 def _mapping(value, name: str) -> dict:

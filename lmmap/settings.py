@@ -51,6 +51,10 @@ class Settings(PaperSettings):
 
     weights: str = "low"  # default set of networks: `robust` ones are wrong in more bright event images
 
+    # images of other lenses
+    trained_focal_px: float = 324.0  # of the bench's camera, on which the networks were trained
+    focal_slack: float = 1.15  # within this ratio of it an image is taken as it is
+
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py
 

@@ -57,7 +57,7 @@ def _estimate_single(a, stream: Stream) -> None:
                 for image, e in run.estimate_images(left, estimator):
                     journal.add(e)
                     if a.video:
-                        video.add(image, e, estimator.ring_network(image))
+                        video.add(image, e, estimator.ring_mask(image))
                     poses += e.T_cam_port is not None
                     bar.show(e.t_us, len(journal.statuses) - resumed, poses)
         except KeyboardInterrupt:

@@ -7,12 +7,16 @@ import numpy as np
 
 from ..types import Camera
 
+WIDEST_RAD = np.deg2rad(89.0)  # off the axis: a fisheye sees further, a plane before the lens does not
+
 
 def bearings(points_px, camera: Camera) -> np.ndarray:
-    """Undistorted directions (x, y, 1) of pixels, (..., 2) -> (..., 3)."""
+    """Undistorted directions (x, y, 1) of pixels, (..., 2) -> (..., 3); at most `WIDEST_RAD` off the axis."""
     points = np.asarray(points_px, float)
     xy = (points - [camera.cx_px, camera.cy_px]) / [camera.fx_px, camera.fy_px]
-    if camera.distortion and points.size:
+    if camera.distortion and camera.distortion_model == "equidistant":
+        xy = _undistort_equidistant(xy, camera.distortion)
+    elif camera.distortion and points.size:
         flat = cv2.undistortPointsIter(
             points.reshape(-1, 1, 2), camera.K, np.array(camera.distortion), None, None,
             (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12),
@@ -35,9 +39,13 @@ def project(points_m, camera: Camera) -> np.ndarray:
 
 
 def distort(xy, camera: Camera) -> np.ndarray:
-    """Radial-tangential distortion of normalised coordinates, (..., 2) -> (..., 2)."""
+    """The lens's distortion of normalised coordinates, (..., 2) -> (..., 2)."""
     if not camera.distortion:
         return xy
+    if camera.distortion_model == "equidistant":
+        r = np.hypot(xy[..., 0], xy[..., 1])
+        ratio = _angle_on_image(np.arctan(r), camera.distortion) / np.where(r > 0, r, 1)
+        return xy * np.where(r > 0, ratio, 1)[..., None]
     k1, k2, p1, p2, k3 = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
@@ -49,6 +57,25 @@ def distort(xy, camera: Camera) -> np.ndarray:
         ],
         -1,
     )
+
+
+def _angle_on_image(angle_rad, k) -> np.ndarray:
+    """Kannala & Brandt's distance from the image's centre, in focal lengths, of rays (...) off the axis."""
+    t2 = np.square(angle_rad)
+    return angle_rad * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
+
+
+def _undistort_equidistant(xy, k) -> np.ndarray:
+    """Inverse of the equidistant `distort`, (..., 2) -> (..., 2), by Newton's method."""
+    distance = np.hypot(xy[..., 0], xy[..., 1])
+    angle = np.minimum(distance, WIDEST_RAD)
+    for _ in range(20):
+        t2 = angle * angle
+        slope = 1 + t2 * (3 * k[0] + t2 * (5 * k[1] + t2 * (7 * k[2] + t2 * 9 * k[3])))
+        step = (_angle_on_image(angle, k) - distance) / np.maximum(slope, 0.1)
+        angle = np.clip(angle - step, 0, WIDEST_RAD)
+    ratio = np.tan(angle) / np.where(distance > 0, distance, 1)
+    return xy * np.where(distance > 0, ratio, 1)[..., None]
 
 
 def undistort_points(points_px, camera: Camera) -> np.ndarray:

@@ -35,7 +35,7 @@ def draw(
     camera, port
         Those of the estimator.  Default: the bench's DAVIS 346 and the LM-MAP.
     ring_mask
-        Mask (H, W) in [0, 1] to lay over the image, such as ``estimator.ring_network(image)``.
+        Mask (H, W) in [0, 1] to lay over the image, such as ``estimator.ring_mask(image)``.
 
     Returns
     -------

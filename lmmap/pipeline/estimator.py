@@ -18,6 +18,7 @@ from . import circle, ellipse, local_search, yaw
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
+from .rescale import ellipse_in, network_camera, resample
 from .ring import skeleton_points
 from .weights import load_networks
 
@@ -47,6 +48,12 @@ class Estimator:
         Default: `OURS`, its number of events kept per pixel of this camera.
     precision
         Of the shipped networks; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
+
+    Attributes
+    ----------
+    grid : Camera
+        The camera in whose pixels masks and geometry are: ``camera``, or its images at the focal length that
+        the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
     """
 
     def __init__(self, camera: AnyCamera = None, port: Port | None = None, modality: str = "rgb",
@@ -56,6 +63,7 @@ class Estimator:
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = as_camera(camera), port or Port.lm_map()
         self.modality, self.settings = modality, settings or settings_for(self.camera)
+        self.grid = network_camera(self.camera, self.settings)
         named = isinstance(weights, str | Path)
         self.ring_network, self.reflector_network = (
             load_networks(weights, modality, precision) if named else weights
@@ -71,20 +79,31 @@ class Estimator:
             images are refused.  BGR cannot be told from RGB.
         """
         check_image(image, self.modality, self.camera)
+        estimate = self.on_grid(resample(image, self.grid), t_us)
+        if estimate.ellipse is None:
+            return estimate
+        return replace(estimate, ellipse=ellipse_in(estimate.ellipse, self.grid, self.camera))
+
+    def ring_mask(self, image: np.ndarray) -> np.ndarray:
+        """The ring's mask (H, W) in the pixels of an image of the camera."""
+        return resample(self.ring_network(resample(image, self.grid)), self.camera)
+
+    def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
         ring_mask = self.ring_network(image)
         ring, coverage = self.find_ring(ring_mask)
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
         reflectors = self.find_reflectors(image, candidates)
-        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.camera, self.settings)
+        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings)
         if best.score < self.settings.min_marker_score:
             unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
             known = self.ring_uncertainty(candidates[0], ring, unknown_rad)
             return Estimate(t_us, Status.NO_MARKERS, ring=candidates[0], twin=candidates[1], ellipse=fitted,
                             arc_coverage=coverage, marker_score=best.score,
                             covariance=known.covariance)  # fmt: skip
-        printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.camera, self.settings)
+        printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
         confidence = self.confidence(T_cam_port, covariance, best.sigma_rad, image, ring_mask, reflectors)
         estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
@@ -99,7 +118,7 @@ class Estimator:
     ) -> float:
         """Probability that a pose is right, by the image and both its masks."""
         evidence = verify.evidence(
-            T_cam_port, covariance, yaw_sigma_rad, image, ring_mask, reflectors, self.port, self.camera
+            T_cam_port, covariance, yaw_sigma_rad, image, ring_mask, reflectors, self.port, self.grid
         )
         return float(verify.confidence(evidence, self.settings))
 
@@ -110,7 +129,7 @@ class Estimator:
         known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
         if self.settings.refine_jointly and best.yaw_margin >= self.settings.min_yaw_margin:
             marker_sigma_px = self.settings.marker_sigma_px[self.modality]
-            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.camera, sigma_px,
+            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.grid, sigma_px,
                                 marker_sigma_px, self.settings)  # fmt: skip
             if both is not None:
                 covariance = joint.inflate(
@@ -128,7 +147,7 @@ class Estimator:
     def ring_uncertainty(self, T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float):
         """`uncertainty.Uncertainty` of a circle's pose by its contour."""
         return uncertainty.pose_uncertainty(
-            T_cam_port, ring.points_px, self.sigma_px(ring), self.port.ring_radius_m, self.camera,
+            T_cam_port, ring.points_px, self.sigma_px(ring), self.port.ring_radius_m, self.grid,
             yaw_sigma_rad, self.settings.merged_sigmas,
         )  # fmt: skip
 
@@ -142,7 +161,7 @@ class Estimator:
             if len(points) < self.settings.min_ring_pixels:
                 status = Status.NO_RING
                 continue
-            points = undistort_points(points, self.camera)
+            points = undistort_points(points, self.grid)
             fitted, inliers = self.find_ellipse(points, mask)
             if fitted is not None:
                 break
@@ -152,10 +171,10 @@ class Estimator:
         p = self.port
         stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
         found = contour.trace(
-            fitted, mask, self.settings.contour_half_width * stroke_px, self.camera, self.settings
+            fitted, mask, self.settings.contour_half_width * stroke_px, self.grid, self.settings
         )
         found = found or contour.from_points(fitted, points[inliers])
-        found = replace(found, score=contour.score(found.ellipse, mask, self.camera))
+        found = replace(found, score=contour.score(found.ellipse, mask, self.grid))
         return found, ellipse.arc_coverage(found.ellipse, points)
 
     def find_ellipse(self, points_px, mask: np.ndarray) -> tuple[Ellipse | None, np.ndarray]:
@@ -163,18 +182,18 @@ class Estimator:
         fitted, inliers = ellipse.fit_ransac(points_px, np.random.default_rng(0), self.settings)
         if fitted is None and self.settings.local_search:
             rng = np.random.default_rng(0)
-            return local_search.fit_local(points_px, mask, rng, self.camera, self.settings)
+            return local_search.fit_local(points_px, mask, rng, self.grid, self.settings)
         return fitted, inliers
 
     def candidates(self, ring: Ellipse) -> Pose:
         """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
-        both = [f(ring, self.camera, self.port.ring_radius_m) for f in (circle.poses, circle.paper_poses)]
+        both = [f(ring, self.grid, self.port.ring_radius_m) for f in (circle.poses, circle.paper_poses)]
         return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
 
     def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
         """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
-        low, high = markers_box_px(candidates, self.port, self.camera, self.settings.marker_border_px)
-        rows, columns = crop_bounds(low, high, self.camera.size_px, self.reflector_network)
+        low, high = markers_box_px(candidates, self.port, self.grid, self.settings.marker_border_px)
+        rows, columns = crop_bounds(low, high, self.grid.size_px, self.reflector_network)
         mask = np.zeros(image.shape[:2], np.float32)
         mask[rows, columns] = self.reflector_network(image[rows, columns])
         return mask

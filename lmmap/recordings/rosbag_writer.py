@@ -74,10 +74,11 @@ def text(value: str) -> bytes:
 
 def _camera_info(camera: Camera) -> bytes:
     """A sensor_msgs/CameraInfo behind its header; k1, k2, p1, p2, k3 are the plumb_bob model's."""
-    D = np.zeros(5)
+    fisheye = camera.distortion_model == "equidistant"
+    D = np.zeros(4 if fisheye else 5)
     D[: len(camera.distortion)] = camera.distortion
     P = np.column_stack([camera.K, np.zeros(3)])
-    model = b"plumb_bob"
+    model = b"equidistant" if fisheye else b"plumb_bob"
     body = struct.pack(f"<III{len(model)}sI", camera.height_px, camera.width_px, len(model), model, len(D))
     body += np.concatenate([D, camera.K.ravel(), np.eye(3).ravel(), P.ravel()]).astype("<f8").tobytes()
     return body + bytes(4 + 4 + 17)  # no binning, no region of interest

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .. import camera_files
 
+MODELS = {"radtan": (1, 2, 3, 4, 5), "equidistant": (4,)}  # how many coefficients they take
+
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera with optional radial-tangential distortion (k1, k2, p1, p2, k3)."""
+    """Pinhole camera whose lens may distort.
+
+    ``distortion`` holds (k1, k2, p1, p2, k3) of the model ``"radtan"``, or (k1, k2, k3, k4) of Kalibr's and
+    OpenCV's ``"equidistant"`` fisheye; without any there is no distortion, whatever the model.
+    """
 
     width_px: int
     height_px: int
@@ -20,6 +26,7 @@ class Camera:
     cx_px: float
     cy_px: float
     distortion: tuple[float, ...] = ()
+    distortion_model: str = "radtan"
 
     def __post_init__(self):
         values = (self.width_px, self.height_px, self.fx_px, self.fy_px, self.cx_px, self.cy_px)
@@ -27,6 +34,15 @@ class Camera:
             raise ValueError("Camera: every intrinsic must be finite")
         if min(values[:4]) <= 0:
             raise ValueError(f"Camera: sizes and focal lengths must be positive, got {values[:4]}")
+        if self.distortion_model not in MODELS:
+            raise ValueError(
+                f"Camera: distortion_model is one of {list(MODELS)}, got {self.distortion_model!r}"
+            )
+        if len(self.distortion) not in (0, *MODELS[self.distortion_model]):
+            raise ValueError(
+                f"Camera: {self.distortion_model} has {MODELS[self.distortion_model]} coefficients, "
+                f"got {len(self.distortion)}"
+            )
 
     @classmethod
     def davis346(cls) -> Camera:
@@ -42,6 +58,19 @@ class Camera:
     def K(self) -> np.ndarray:
         """Intrinsic matrix, shape (3, 3)."""
         return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+
+    def at_focal(self, focal_px: float) -> Camera:
+        """The camera of the same images resampled to about a focal length, in whole pixels.
+
+        The view, the lens and the frame stay, so a pose is the same in both.
+        """
+        width_px = max(round(self.width_px * focal_px / self.fx_px), 1)
+        height_px = max(round(self.height_px * focal_px / self.fy_px), 1)
+        x, y = width_px / self.width_px, height_px / self.height_px
+        return replace(
+            self, width_px=width_px, height_px=height_px, fx_px=x * self.fx_px, fy_px=y * self.fy_px,
+            cx_px=x * (self.cx_px + 0.5) - 0.5, cy_px=y * (self.cy_px + 0.5) - 0.5,
+        )  # fmt: skip
 
     @classmethod
     def load(cls, path) -> Camera:

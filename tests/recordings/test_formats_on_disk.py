@@ -173,8 +173,16 @@ def test_kalibr_camchain(tmp_path):
         64, 48, 60, 61, 31.5, 23.5, (0.1, -0.2, 0.001, 0.002)
     )
     (tmp_path / "fish.yaml").write_text(text.replace("radtan", "equidistant"))
-    with pytest.raises(InputError, match="equidistant"):
-        Camera.load(tmp_path / "fish.yaml")
+    fish = Camera(64, 48, 60, 61, 31.5, 23.5, (0.1, -0.2, 0.001, 0.002), "equidistant")
+    assert Camera.load(tmp_path / "fish.yaml") == fish
+    fish.save(tmp_path / "fish.json")
+    assert Camera.load(tmp_path / "fish.json") == fish
+    (tmp_path / "fish.json").write_text((tmp_path / "fish.json").read_text().replace("equidistant", "magic"))
+    for name, content in (("fish.json", None), ("omni.yaml", text.replace("pinhole", "omni"))):
+        if content:
+            (tmp_path / name).write_text(content)
+        with pytest.raises(InputError, match="equidistant"):
+            Camera.load(tmp_path / name)
 
 
 ROS = """image_width: 64

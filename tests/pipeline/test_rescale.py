@@ -1,0 +1,112 @@
+"""Images of other lenses: the same pose through any of them."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import CAMERA, PORT, WIDE, pose, visible_poses
+
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import ideal_masks
+from lmmap.geometry.projection import project, undistort_points
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.rescale import ellipse_in, network_camera, resample
+from lmmap.settings import OURS
+from lmmap.studies.metrics import normal_error_rad, position_error_m
+from lmmap.types import Camera, Status
+
+FISHEYE = Camera(640, 480, 260.0, 260.0, 319.5, 239.5, (0.01, -0.02, 0.003, 0.0), "equidistant")
+cameras = st.builds(
+    lambda f, ratio, lens: replace(lens, fx_px=f, fy_px=f * ratio),
+    st.floats(80, 2000), st.floats(0.8, 1.25), st.sampled_from([CAMERA, WIDE, FISHEYE]),
+)  # fmt: skip
+
+
+@given(cameras, visible_poses())
+def test_resampled_images_show_a_point_where_the_resampled_camera_sees_it(camera, T):
+    """A pixel's place in the image, as a share of its size, is the same."""
+    grid = camera.at_focal(324.0)
+    share, again = ((project(T.position_m, c) + 0.5) / c.size_px for c in (camera, grid))
+    np.testing.assert_allclose(again, share, atol=1e-9)
+    assert grid.fx_px == pytest.approx(324, rel=0.5 / grid.width_px)
+    assert grid.fy_px == pytest.approx(324, rel=0.5 / grid.height_px)
+
+
+@given(cameras, visible_poses())
+def test_an_undistorted_ellipse_is_the_circles_in_either_cameras_pixels(camera, T):
+    grid = camera.at_focal(324.0)
+    moved = ellipse_in(circle_ellipse(T, 0.08, grid), grid, camera)
+    expected = circle_ellipse(T, 0.08, camera)
+    np.testing.assert_allclose(moved.centre_px, expected.centre_px, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(moved.semi_axes_px, expected.semi_axes_px, rtol=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.9, 1.1])
+def test_a_lens_near_the_trained_one_is_taken_as_it_is(ratio):
+    camera = replace(CAMERA, fx_px=324 * ratio, fy_px=324 * ratio)
+    image = np.random.default_rng(0).integers(0, 255, (260, 346, 3), np.uint8)
+    assert network_camera(camera) is camera
+    assert resample(image, camera) is image
+
+
+def test_a_histogram_keeps_its_counts_a_pixel():
+    counts = np.full((720, 1280), 3, np.uint16)
+    for f_px in (1200.0, 150.0):
+        camera = Camera(1280, 720, f_px, f_px, 639.5, 359.5)
+        np.testing.assert_allclose(resample(counts, network_camera(camera)), 3, rtol=1e-6)
+
+
+def masks_as_networks(T, camera):
+    """Two networks that see the ideal masks of a pose, whatever the image."""
+    ring, reflectors = ideal_masks(T, PORT, camera)
+    return lambda image: ring, lambda image: reflectors
+
+
+LENSES = {
+    "720p": Camera(1280, 720, 1200.0, 1200.0, 639.5, 359.5),
+    "small": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
+    "oblong pixels": Camera(640, 480, 600.0, 500.0, 300.0, 240.0),
+    "radial": Camera(640, 480, 600.0, 600.0, 319.5, 239.5, (-0.35, 0.12, 0.001, -0.0008, 0.0)),
+    "equidistant": FISHEYE,
+}
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_pose_and_its_ellipse_are_in_the_cameras_own_frame(name):
+    """Ideal masks on the networks' grid give the pose, and the ellipse that the camera itself would see."""
+    camera = LENSES[name]
+    T = pose((200, 110), 0.7, 0.5, 1.0, 0.3)
+    blank = np.zeros((*camera.size_px[::-1], 3), np.uint8)
+    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera)),
+                          replace(OURS, min_confidence=0.0))  # fmt: skip
+    estimate = estimator(blank)
+    assert estimate.status == Status.OK
+    assert position_error_m(estimate.T_cam_port, T) < 0.002
+    assert normal_error_rad(estimate.T_cam_port, T) < np.deg2rad(1.5)
+    expected = circle_ellipse(T, PORT.ring_radius_m, camera)
+    np.testing.assert_allclose(estimate.ellipse.centre_px, expected.centre_px, atol=0.004 * camera.width_px)
+    np.testing.assert_allclose(estimate.ellipse.semi_axes_px, expected.semi_axes_px, rtol=0.02)
+    assert estimator.ring_mask(blank).shape == camera.size_px[::-1]
+
+
+def test_the_ring_mask_lies_where_the_camera_sees_the_ring():
+    camera, T = LENSES["equidistant"], pose((172, 130), 0.6, 0.4)
+    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera)))
+    mask = estimator.ring_mask(np.zeros((480, 640, 3), np.uint8))
+    expected = ideal_masks(T, PORT, camera)[0]
+    overlap = np.minimum(mask, expected).sum() / np.maximum(mask, expected).sum()
+    assert overlap > 0.8
+
+
+def test_the_equidistant_model_is_opencvs_fisheye():
+    xy = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 2))
+    points = np.column_stack([xy, np.ones(50)])
+    k = np.array(FISHEYE.distortion)
+    expected = cv2.fisheye.projectPoints(points[None], np.zeros(3), np.zeros(3), FISHEYE.K, k)[0][0]
+    np.testing.assert_allclose(project(points, FISHEYE), expected, atol=1e-9)
+    np.testing.assert_allclose(
+        undistort_points(expected, FISHEYE), project(points, replace(FISHEYE, distortion=())), atol=1e-6
+    )
