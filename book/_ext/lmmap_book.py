@@ -90,7 +90,7 @@ def keep_outputs(app, exception) -> None:
 
 
 def describe_figures(app, doctree) -> None:
-    """Put under each figure what it is made of, and give it the alternative text from its file."""
+    """Put under each figure what it is made of, and give it the alternative text and kind of its file."""
     executed = Path(app.outdir).parent / "jupyter_execute" / f"{app.env.docname}.ipynb"
     if not executed.exists():
         return
@@ -99,8 +99,10 @@ def describe_figures(app, doctree) -> None:
     for cell in doctree.findall(lambda n: isinstance(n, nodes.container) and "cell" in n["classes"]):
         images = list(cell.findall(nodes.image))
         for image in images:
+            said = Image.open(Path(app.srcdir) / image["uri"]).info
             if not image.get("alt"):
-                image["alt"] = Image.open(Path(app.srcdir) / image["uri"]).info.get("Description", "")
+                image["alt"] = said.get("Description", "")
+            image["classes"].append(said.get("Comment", "picture"))
         if (images or needs_plotly(cell)) and sources_by_cell[cell["cell_index"]]:
             cell += source_line(sources_by_cell[cell["cell_index"]])
 

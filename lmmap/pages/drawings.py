@@ -15,21 +15,22 @@ from ..geometry.projection import project
 from ..types import Camera, Ellipse, Estimate, Port, Pose
 from . import tables
 
-# colours that colour-blind readers tell apart (after Okabe & Ito), readable on light and dark
+# Colours that colour-blind readers tell apart (after Okabe & Ito).  The ink is nearly black: the dark page
+# inverts drawings, and puts pictures on a light sheet (book/_static/custom.css).
 COLOUR = {"rgb": "#0072B2", "event": "#D55E00", "fused": "#009E73", "truth": "#009E73", "paper": "#CC79A7",
-          "ours": "#56B4E9", "rival": "#E69F00", "ink": "#7C7C7C"}  # fmt: skip
+          "ours": "#56B4E9", "rival": "#E69F00", "ink": "#333333"}  # fmt: skip
 
 LINES = ("rgb", "event", "truth", "paper", "rival")
 
 
 def use_style() -> None:
-    """Transparent figures with grey ink, so that light and dark pages can both carry them."""
+    """Transparent figures with dark ink; the dark page inverts them."""
     _register()
     ink = COLOUR["ink"]
     matplotlib.rcParams.update({
         "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
         "savefig.transparent": True, "figure.dpi": 110, "figure.constrained_layout.use": True,
-        "figure.figsize": (7.0, 3.2), "font.size": 9, "text.color": ink, "axes.labelcolor": ink,
+        "figure.figsize": (7.0, 3.2), "font.size": 10, "text.color": ink, "axes.labelcolor": ink,
         "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
         "axes.grid": True, "grid.alpha": 0.25, "grid.color": ink, "axes.spines.top": False,
         "axes.spines.right": False, "legend.frameon": False, "image.cmap": "gray", "svg.hashsalt": "lmmap",
@@ -57,7 +58,8 @@ def describe(fig) -> str:
 def _register() -> None:
     """In a notebook, write each figure's description into its PNG file, and styled tables with equal bytes.
 
-    The book's pages take a figure's alternative text from there.
+    The book's pages take a figure's alternative text from there, and learn whether it has a picture in it,
+    which the dark page must not invert.
     """
     from IPython import get_ipython
     from IPython.core.pylabtools import print_figure
@@ -67,12 +69,17 @@ def _register() -> None:
         formatters = shell.display_formatter.formatters
         formatters["image/png"].for_type(
             plt.Figure,
-            lambda fig: print_figure(fig, "png", base64=True, metadata={"Description": describe(fig)}),
+            lambda fig: print_figure(fig, "png", base64=True, metadata=_metadata(fig)),
         )
         formatters["text/html"].for_type(Styler, tables.to_html)
         formatters["text/plain"].for_type(
             Styler, lambda table, printer, _: printer.text(tables.to_text(table))
         )
+
+
+def _metadata(fig) -> dict[str, str]:
+    kind = "picture" if any(ax.images for ax in fig.axes) else "drawing"
+    return {"Description": describe(fig), "Comment": kind}
 
 
 def show_image(ax, image, title: str = "") -> None:
