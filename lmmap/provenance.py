@@ -25,7 +25,7 @@ DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a w
 # what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
 PAGE_SOURCES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
             "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
-            "data/derived/recordings/*/told.txt", "environment.txt")  # fmt: skip
+            "data/derived/recordings/*/told.txt", "book/_static/*.js", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 

@@ -5,15 +5,23 @@ Not part of ``make test``, which has no book to look at.
 
 import functools
 import http.server
+import json
 import re
 import threading
 from html.parser import HTMLParser
 from urllib.parse import unquote, urldefrag, urljoin, urlsplit
 
+import numpy as np
 import pytest
 from browser import PROGRAM, chromium
+from scipy.spatial.transform import Rotation
 
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.projection import bearings
+from lmmap.pipeline import circle
 from lmmap.provenance import ROOT
+from lmmap.studies.metrics import normal_error_rad
+from lmmap.types import Camera, Pose
 
 BOOK = ROOT / "_build" / "html"
 PAGES = sorted(BOOK.rglob("*.html"))
@@ -139,6 +147,59 @@ def test_every_interactive_figure_answers_its_slider(page, site):
         for k in range(count):
             before, after = (move_slider(page, k, share) for share in (0.1, 0.9))
             assert before != after, f"{name}: slider {k} moves nothing"
+
+
+RING_LAB = {"tilt_deg": 35, "toward_deg": 20, "distance_m": 0.4, "u_px": 120, "v_px": 90, "lens_mm": 6,
+            "same_image": False}  # fmt: skip
+
+
+@in_browser
+@pytest.mark.parametrize("change", [
+    {}, {"tilt_deg": 0, "u_px": 172.5, "v_px": 129.5}, {"tilt_deg": 70, "toward_deg": -110},
+    {"distance_m": 1.2}, {"lens_mm": 12, "same_image": True}, {"lens_mm": 4},
+])  # fmt: skip
+def test_the_interactive_ring_computes_what_the_module_computes(page, site, change):
+    page.open(site + "book/circles.html")
+    state = RING_LAB | change
+    told = page.ask(f"RingLab.solve({json.dumps(state)})")
+    focal_px = state["lens_mm"] / 6 * 6e-3 / 18.5e-6
+    camera = Camera(346, 260, focal_px, focal_px, 172.5, 129.5)
+    radius_m = 0.08 * (6 / state["lens_mm"] if state["same_image"] else 1)
+    tilt, toward = np.deg2rad([state["tilt_deg"], state["toward_deg"]])
+    n = np.array([np.sin(tilt) * np.cos(toward), np.sin(tilt) * np.sin(toward), -np.cos(tilt)])
+    turn = Rotation.align_vectors(n[None], [[0, 0, 1]])[0].as_matrix()
+    truth = Pose(turn, state["distance_m"] * bearings([state["u_px"], state["v_px"]], camera))
+    seen = circle_ellipse(truth, radius_m, camera)
+    exact, printed = (f(seen, camera, radius_m) for f in (circle.poses, circle.paper_poses))
+    off_deg = [np.rad2deg(np.sort(normal_error_rad(poses, truth))) for poses in (exact, printed)]
+    np.testing.assert_allclose(told["seen"]["centre"], seen.centre_px, atol=1e-6)
+    np.testing.assert_allclose(told["seen"]["semi"], seen.semi_axes_px, atol=1e-6)
+    np.testing.assert_allclose([told["exact_deg"], told["twin_deg"]], off_deg[0], atol=1e-4)
+    np.testing.assert_allclose(told["printed_deg"], off_deg[1][0], atol=1e-4)
+    np.testing.assert_allclose(told["printed"]["p"], printed.position_m[0], atol=1e-9)
+
+
+@in_browser
+def test_the_interactive_ring_answers_keys_and_touch(page, site):
+    page.show_as(420, 900)
+    page.open(site + "book/circles.html")
+    said = "document.querySelector('.ring-lab .said').textContent"
+    first = page.ask(said)
+    page.ask("document.querySelector('.ring-lab input[name=tilt_deg]').focus()")
+    for kind in ("keyDown", "keyUp"):
+        page.send(
+            "Input.dispatchKeyEvent", type=kind, key="ArrowLeft", code="ArrowLeft", windowsVirtualKeyCode=37
+        )
+    second = page.ask(said)
+    page.ask(
+        "document.querySelector('.ring-lab svg.image').scrollIntoView({block: 'center', behavior: 'instant'})"
+    )
+    box = page.ask("document.querySelector('.ring-lab svg.image').getBoundingClientRect().toJSON()")
+    x, y = box["left"] + box["width"] / 2, box["top"] + box["height"] / 2
+    for kind, shift in (("touchStart", 0), ("touchMove", 40), ("touchEnd", None)):
+        points = [] if shift is None else [{"x": x + shift, "y": y}]
+        page.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+    assert len({first, second, page.ask(said)}) == 3
 
 
 def move_slider(page, number: int, share: float) -> str:

@@ -1,83 +1,96 @@
-"""The figure with sliders of the chapter on circles."""
+"""The interactive ring of the chapter on circles, and its drawings."""
 
 from __future__ import annotations
 
+import base64
+from io import BytesIO
+
+import matplotlib.pyplot as plt
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.conics import circle_conic, circle_ellipse
-from ..geometry.port import circle_points_m
+from ..geometry.conics import circle_ellipse
 from ..geometry.projection import project
 from ..pipeline import circle
+from ..provenance import ROOT
 from ..types import Camera, Pose
-from .drawings import COLOUR
+from .drawings import COLOUR, draw_ellipse
 
-NAMES = {"the ring": "truth", "its twin": "rival", "printed": "paper"}  # and their colours
+SCRIPT = ROOT / "book" / "_static" / "ring-lab.js"  # tests/check_book.py holds it to `lmmap.geometry`
+START_TILT_DEG, START_DISTANCE_M = 35.0, 0.35  # where the script begins, and what the still shows
 
 
-def two_circles(radius_m: float, camera: Camera, tilts_deg, distances_m):
-    """Plotly figure of three circles in space and their images, with sliders for tilt and distance.
+class RingLab:
+    """The interactive ring as the output of a notebook's cell, with a still of its start for print."""
 
-    The circles are the ring, the other circle that projects to the same ellipse, and the one that the paper's
-    printed formula makes of that ellipse.
+    def __init__(self, radius_m: float, camera: Camera):
+        self.radius_m, self.camera = radius_m, camera
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        html = f'<div class="ring-lab"></div><script>{SCRIPT.read_text()}</script>'
+        return {"text/html": html, "image/png": self.still()}
+
+    def still(self) -> str:
+        """The first view as a PNG in base64."""
+        fig, (beside, image) = plt.subplots(1, 2, figsize=(7.6, 3.2))
+        turn = Rotation.from_rotvec([np.deg2rad(START_TILT_DEG), 0, 0]) * Rotation.from_rotvec([np.pi, 0, 0])
+        truth = Pose(turn.as_matrix(), [0, 0, START_DISTANCE_M])
+        draw_meridian(beside, truth, self.radius_m, self.camera)
+        draw_centres(image, truth, self.radius_m, self.camera)
+        file = BytesIO()
+        fig.savefig(file, format="png", metadata={"Description": "the ring, its twin and the printed circle"})
+        plt.close(fig)
+        return base64.b64encode(file.getvalue()).decode()
+
+
+def nearest(poses: Pose, truth: Pose) -> int:
+    """Which of two poses has the normal nearer to the true one."""
+    return int(np.argmax(poses.normal @ truth.normal))
+
+
+def draw_meridian(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
+    """Section through the optical axis of a ring on it, tilted about the camera's x axis.
+
+    Two lines of sight bound the ring.  The ring, its twin and the printed circle are segments with normals.
     """
-    from plotly.subplots import make_subplots
-
-    fig = make_subplots(1, 2, specs=[[{"type": "scene"}, {"type": "xy"}]], column_widths=[0.5, 0.5])
-    circles = {(t, z): list(_three_circles(t, z, radius_m, camera)) for t in tilts_deg for z in distances_m}
-    start = tilts_deg[len(tilts_deg) // 2], distances_m[len(distances_m) // 2]
-    for z in distances_m:
-        for k, (name, colour) in enumerate(NAMES.items()):
-            circle_m, contour_px, label = circles[start[0], z][k]
-            line = {"color": COLOUR[colour], "width": 4 - k}
-            style = {"mode": "lines", "line": line, "visible": z == start[1]}
-            x, y, depth = circle_m.T
-            fig.add_scatter3d(x=x, y=depth, z=-y, name=name, showlegend=False, **style, row=1, col=1)
-            u, v = contour_px.T
-            fig.add_scatter(x=u, y=v, name=label, **style, row=1, col=2)
-
-    def tilt_step(t):
-        curves = [curve for z in distances_m for curve in circles[t, z]]
-        update = {
-            "x": [c for circle_m, px, _ in curves for c in (circle_m[:, 0].tolist(), px[:, 0].tolist())],
-            "y": [c for circle_m, px, _ in curves for c in (circle_m[:, 2].tolist(), px[:, 1].tolist())],
-            "z": [c for circle_m, _, _ in curves for c in ((-circle_m[:, 1]).tolist(), None)],
-            "name": [label for _, _, label in curves for _ in range(2)],
-        }
-        return {"label": f"{t:g}°", "method": "restyle", "args": [update]}
-
-    def distance_step(z):
-        return {"label": f"{z:g} m", "method": "restyle",
-                "args": [{"visible": [other == z for other in distances_m for _ in range(6)]}]}  # fmt: skip
-
-    place = {"x": 0.02, "len": 0.44, "pad": {"t": 45}}
-    fig.update_layout(
-        height=500, margin={"l": 0, "r": 0, "t": 10, "b": 140}, legend={"x": 0.55, "y": 1.0},
-        sliders=[
-            {"currentvalue": {"prefix": "tilt "}, "active": tilts_deg.index(start[0]),
-             "steps": [tilt_step(t) for t in tilts_deg], **place},
-            {"currentvalue": {"prefix": "distance "}, "active": distances_m.index(start[1]),
-             "steps": [distance_step(z) for z in distances_m], **place, "x": 0.54},
-        ],
-        scene={"aspectmode": "data", "xaxis_title": "x (m)", "yaxis_title": "depth (m)",
-               "zaxis_title": "up (m)", "camera": {"eye": {"x": 2.0, "y": -0.6, "z": 0.7}}},
-    )  # fmt: skip
-    fig.update_xaxes(title="u (px)", range=[0, camera.width_px])
-    fig.update_yaxes(title="v (px)", range=[camera.height_px, 0], scaleanchor="x")
-    return fig
-
-
-def _three_circles(tilt_deg: float, distance_m: float, radius_m: float, camera: Camera):
-    """Points in space (N, 3), points in the image (N, 2) and a label, of each circle of `two_circles`."""
-    turn = Rotation.from_rotvec([0, np.deg2rad(tilt_deg), 0]) * Rotation.from_rotvec([np.pi, 0, 0])
-    truth = Pose(turn.as_matrix(), [0.0, 0.0, distance_m])
     contour = circle_ellipse(truth, radius_m, camera)
     pair, printed = circle.poses(contour, camera, radius_m), circle.paper_poses(contour, camera, radius_m)
-    nearest = int(np.argmax(pair.normal @ truth.normal))
-    poses = truth, pair[1 - nearest], printed[nearest]
-    x = np.column_stack([contour.points(), np.ones(360)])
-    for T, name in zip(poses, NAMES, strict=True):
-        Cx = x @ circle_conic(T, radius_m, camera)
-        gap_px = np.abs(np.sum(x * Cx, 1) / (2 * np.linalg.norm(Cx[:, :2], axis=1))).max()
-        points_m = T @ circle_points_m(radius_m, 40)[np.r_[:40, 0]]
-        yield points_m.round(4), project(points_m, camera).round(1), f"{name}: {gap_px:.2f} px"
+    k, j = nearest(pair, truth), nearest(printed, truth)
+    ends_m = truth @ (radius_m * np.array([[0.0, 1, 0], [0, -1, 0]]))
+    far_m = 1.15 * ends_m[:, 2].max()
+    for end in ends_m:
+        ax.plot([0, far_m], [0, far_m * end[1] / end[2]], color=COLOUR["ink"], lw=0.8)
+    rows = (truth, "truth", "the ring", "-"), (pair[1 - k], "rival", "its twin", "-"), (
+        printed[j], "paper", "printed formula", "--")  # fmt: skip
+    for T, colour, name, style in rows:
+        along = np.array([0.0, T.normal[2], -T.normal[1]])
+        segment = T.position_m + radius_m * np.array([[-1], [1]]) * along / np.linalg.norm(along)
+        ax.plot(segment[:, 2], segment[:, 1], style, color=COLOUR[colour], lw=2.2, label=name)
+        tip = T.position_m + 0.5 * radius_m * T.normal
+        arrow = {"arrowstyle": "->", "color": COLOUR[colour], "ls": style, "lw": 1.5}
+        ax.annotate("", tip[[2, 1]], T.position_m[[2, 1]], arrowprops=arrow)
+    ax.plot(0, 0, "s", color=COLOUR["ink"], ms=7)
+    ax.annotate("camera", (0, 0), (0.004, 0.03), fontsize=9)
+    half_m = 1.3 * np.abs(ends_m[:, 1]).max()
+    ax.set(aspect="equal", xlabel="depth (m)", ylabel="y (m)", xlim=(-0.02, far_m), ylim=(half_m, -half_m))
+    ax.legend(loc="lower left", fontsize=8)
+
+
+def draw_centres(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
+    """A ring's image: its ellipse with both axes, and the two centres, the ellipse's and the ring's."""
+    seen = circle_ellipse(truth, radius_m, camera)
+    draw_ellipse(ax, seen, COLOUR["ink"], lw=1.5)
+    c, s = np.cos(seen.angle_rad), np.sin(seen.angle_rad)
+    for half_px, direction in zip(seen.semi_axes_px, np.array([[c, s], [-s, c]]), strict=True):
+        u, v = (seen.centre_px + half_px * np.array([[-1], [1]]) * direction).T
+        ax.plot(u, v, ":", color=COLOUR["ink"], lw=0.8)
+    ax.plot(*seen.centre_px, "x", color=COLOUR["paper"], ms=10, mew=2.5, label="centre of the ellipse")
+    ax.plot(*project(truth.position_m, camera), "o", color=COLOUR["truth"], label="centre of the ring")
+    ax.set(
+        aspect="equal",
+        xlim=(0, camera.width_px),
+        ylim=(camera.height_px, 0),
+        xlabel="u (px)",
+        ylabel="v (px)",
+    )
+    ax.legend(loc="lower right", fontsize=8)
