@@ -92,7 +92,7 @@ def _add_recordings(commands: Commands) -> None:
         "estimate the port's pose in each frame or histogram of a recording",
         ESTIMATE,
     )
-    _add_recording(commands, command)
+    commands.add_recording(command)
     _add_estimation(commands, command, required=True, fused=True)
     commands.add_output(command, "poses to write, each as soon as it is known", required=True)
     command.add_argument(
@@ -112,7 +112,7 @@ def _add_recordings(commands: Commands) -> None:
         "draw poses on the images that they were estimated from, as a video",
         DRAW,
     )
-    _add_recording(commands, command)
+    commands.add_recording(command)
     commands.add_file(command, "poses", metavar=None, help="CSV that lmmap estimate wrote")
     command.add_argument("--modality", choices=MODALITIES, required=True, help="as it was estimated with")
     commands.add_file(command, "--port", help="as it was estimated with")
@@ -126,7 +126,7 @@ def _add_recordings(commands: Commands) -> None:
         "errors and detection rates on a recording whose truth is known",
         EVALUATE,
     )
-    _add_recording(commands, command)
+    commands.add_recording(command)
     commands.add_file(command, "--truth", help="CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
     _add_estimation(commands, command, required=False, fused=True)
     command.add_argument("--json", action="store_true", help="print JSON")
@@ -134,7 +134,7 @@ def _add_recordings(commands: Commands) -> None:
     command = commands.add(
         "info", "lmmap.cli.recording:info", "what a recording holds, and whether it is sound", INFO
     )
-    _add_recording(commands, command)
+    commands.add_recording(command)
     command.add_argument("--json", action="store_true", help="print JSON")
 
     command = commands.add(
@@ -143,7 +143,7 @@ def _add_recordings(commands: Commands) -> None:
         "poses as images come, from a camera or from a recording that is played",
         LIVE,
     )
-    _add_recording(commands, command, nargs="?")
+    commands.add_recording(command, nargs="?")
     _add_estimation(commands, command, required=True)
     commands.add_output(command, "poses to write as well (CSV, or TUM if the name ends in .tum)")
     command.add_argument("--seconds", type=float, help="end after so many seconds")
@@ -153,25 +153,6 @@ def _add_recordings(commands: Commands) -> None:
         "completion", "lmmap.cli.completion:completion", "print the completion script of a shell", COMPLETION
     )
     command.add_argument("shell", choices=SHELLS)
-
-
-def _add_recording(commands: Commands, command, nargs=None) -> None:
-    commands.add_file(
-        command,
-        "recording",
-        nargs=nargs,
-        metavar=None,
-        help="AEDAT4, RAW, DAT, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, or a folder of images",
-    )
-    commands.add_file(
-        command,
-        "--camera",
-        help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
-        "such as evk4:8mm",
-    )
-    command.add_argument(
-        "--fps", type=float, metavar="HZ", help="pictures a second, of a folder without timestamps.txt"
-    )
 
 
 def _add_estimation(commands: Commands, command, required: bool, fused: bool = False) -> None:

@@ -66,3 +66,22 @@ class Commands:
     def add_output(self, command, text: str, **options) -> None:
         self.add_file(command, "-o", "--output", help=text, **options)
         command.add_argument("--overwrite", action="store_true", help="replace an output that exists")
+
+    def add_recording(self, command, nargs=None) -> None:
+        """Add the arguments that open a recording of any format."""
+        self.add_file(
+            command,
+            "recording",
+            nargs=nargs,
+            metavar=None,
+            help="AEDAT4, RAW, DAT, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, or folder of images",
+        )
+        self.add_file(
+            command,
+            "--camera",
+            help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
+            "such as evk4:8mm",
+        )
+        command.add_argument(
+            "--fps", type=float, metavar="HZ", help="pictures a second, of a folder without timestamps.txt"
+        )

@@ -56,9 +56,8 @@ def add_studies(commands: Commands) -> None:
     text = "write a ROS 1 bag, PNG images, event frames, the camera and the truth (TUM)"
     command = actions.add_parser("export", help=text, description=text)
     command.set_defaults(run="lmmap.studies.odometry_files:export_command")
-    commands.add_file(command, "recording", metavar=None)
+    commands.add_recording(command)
     commands.add_file(command, "folder", metavar="DIR")
-    commands.add_file(command, "--camera", help="calibration: our JSON, or YAML of OpenCV or ROS")
     command.add_argument("--overwrite", action="store_true", help="write into a folder that holds files")
     text = "relative errors of a TUM trajectory, scale aligned on its first 40 poses"
     command = actions.add_parser("score", help=text, description=text)

@@ -21,7 +21,7 @@ class BoundedReader(Reader):
     """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
 
     def open(self) -> None:
-        self.path = _BoundedPath(self.path)
+        self.path = BoundedPath(self.path)
         super().open()
 
     def read_chunk(self) -> Chunk:
@@ -37,7 +37,7 @@ class BoundedReader(Reader):
         return Chunk(datasize, datapos, partial(_decompressed, DECOMPRESSORS[kind], size))
 
 
-class _BoundedPath:
+class BoundedPath:
     """A path whose file refuses to read more at once than any record has."""
 
     def __init__(self, path: Path):

@@ -15,6 +15,7 @@ from pathlib import Path
 from ..files import CAMERA, atomic, beside, regular_file
 from ..types import Camera, InputError, Recording
 from . import aedat4, hdf5, images, pictures, prophesee, rosbag, rosbag2, rosbag_writer, sensors, tables, text
+from .bounded_bag2 import METADATA
 from .health import health
 from .pose_files import (
     read_estimates,
@@ -136,7 +137,7 @@ WRITERS = {
 
 def _read_folder(path: Path) -> Source:
     """A ROS 2 bag, or images and their times."""
-    return rosbag2.read(path) if (path / rosbag2.METADATA).exists() else images.read_folder(path)
+    return rosbag2.read(path) if (path / METADATA).exists() else images.read_folder(path)
 
 
 FORMATS = (  # what it is, how its name ends, its reader

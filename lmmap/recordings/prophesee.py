@@ -112,10 +112,9 @@ def _options(text: str) -> dict[str, str]:
 def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
     """Width and height, from any of the ways in which headers say them."""
     options = _options(fields.get("format", ""))
-    if geometry := re.fullmatch(r"(\d+)x(\d+)", fields.get("geometry", "")):
-        return int(geometry[1]), int(geometry[2])
-    width, height = (options.get(n) or fields.get(n) or "" for n in ("width", "height"))
-    return (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+    stated = "x".join(options.get(n) or fields.get(n) or "" for n in ("width", "height"))
+    size = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", fields.get("geometry", stated))
+    return (int(size[1]), int(size[2])) if size else None
 
 
 def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:

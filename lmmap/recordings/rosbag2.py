@@ -13,15 +13,15 @@ from pathlib import Path
 
 import apsw
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReaderError
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..pipeline.histograms import from_columns
 from . import evt, rosbag
+from .bounded_bag2 import open_bag
 from .stream import Source, in_chunks, input_errors
 
-METADATA = "metadata.yaml"  # what tells a bag's folder from another
 ERRORS = (*rosbag.ERRORS, AnyReaderError, ReaderError, apsw.Error, TypeError, AttributeError)
 EVENTS = ("/EventArray", "/EventPacket")
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # for bags from before 2023, which state no types
@@ -49,7 +49,7 @@ STRIDE = 16
 
 def read(path: Path) -> Source:
     """The first topic of each kind; raises `InputError`."""
-    with _bag_errors(path), _open(path) as bag:
+    with _bag_errors(path), open_bag(path, STORE) as bag:
         arrays = rosbag.first_topic(bag, path, _is_events)
         images = rosbag.first_topic(bag, path, rosbag.IMAGES.__contains__)
         if not arrays and not images:
@@ -68,15 +68,11 @@ def read(path: Path) -> Source:
     return Source(path, size_px, partial(_chunks, path, size_px), partial(_frames, path), span_us)
 
 
-def _open(path: Path) -> AnyReader:
-    return AnyReader([path], default_typestore=STORE)
-
-
 def _is_events(kind: str) -> bool:
     return kind.endswith(EVENTS)
 
 
-def _messages(bag: AnyReader, path: Path, wanted):
+def _messages(bag, path: Path, wanted):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when the file was opened
         connections = rosbag.first_topic(bag, path, wanted)
@@ -94,12 +90,12 @@ def _chunks(path: Path, size_px: tuple[int, int]):
             else:
                 yield packets.events(bag.deserialize(raw, connection.msgtype))
 
-    with _bag_errors(path), _open(path) as bag:
+    with _bag_errors(path), open_bag(path, STORE) as bag:
         yield from in_chunks(batches(bag))
 
 
 def _frames(path: Path):
-    with _bag_errors(path), _open(path) as bag:
+    with _bag_errors(path), open_bag(path, STORE) as bag:
         for connection, _, raw in _messages(bag, path, rosbag.IMAGES.__contains__):
             message = bag.deserialize(raw, connection.msgtype)
             yield _time_us(message.header.stamp), rosbag.rgb(message)
@@ -122,7 +118,7 @@ def _after_header(raw: bytes) -> int:
     return -(-(16 + struct.unpack_from("<I", raw, 12)[0]) // 4) * 4
 
 
-def _fields_of(bag: AnyReader, kind: str) -> list[str]:
+def _fields_of(bag, kind: str) -> list[str]:
     """Names of an event's fields, in their order."""
     event = kind.replace("EventArray", "Event")
     return [name for name, _ in bag.typestore.fielddefs[event][1]]

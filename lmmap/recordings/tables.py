@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from tokenize import TokenError
 from typing import BinaryIO
 
 import numpy as np
@@ -123,4 +124,4 @@ def _microseconds(t: np.ndarray, unit_ns: int) -> np.ndarray:
 
 def _table_errors(path: Path):
     remedy = "expected columns named t, x, y and p, with t in us or with its unit, such as t_ns"
-    return input_errors(path, "not a table of events", remedy)
+    return input_errors(path, "not a table of events", remedy, (SyntaxError, TokenError))  # of numpy's header

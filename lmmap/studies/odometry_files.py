@@ -14,8 +14,9 @@ import numpy as np
 from ..pipeline.histograms import histogram, middle_us, windows_before
 from ..recordings.formats import open_recording, write_recording
 from ..recordings.pose_files import read_truth, write_trajectory
+from ..recordings.sensors import load_camera
 from ..settings import PAPER
-from ..types import Camera, InputError, Recording
+from ..types import InputError, Recording
 from . import odometry
 
 BLUR_PX, FULL_SCALE = 1.0, 4.0  # of event frames: Gaussian blur; blurred count that is white
@@ -88,7 +89,7 @@ def export_command(a) -> None:
     """``lmmap odometry export``."""
     if a.folder.is_dir() and any(a.folder.iterdir()) and not a.overwrite:
         raise InputError(f"{a.folder}: holds files already; give a new folder, or --overwrite")
-    recording = open_recording(a.recording, Camera.load(a.camera) if a.camera else None)
+    recording = open_recording(a.recording, load_camera(a.camera) if a.camera else None, fps=a.fps)
     counts = export(recording, a.folder)
     events = len(recording.events)
     print(f"{a.folder}: {counts['rgb']} frames, {counts['event']} event frames, a bag with {events} events")

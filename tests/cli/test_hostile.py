@@ -8,6 +8,7 @@ from pathlib import Path
 
 import attack_recordings as attacks
 import pytest
+from attack_sound import CAMERA
 
 from lmmap.cli import main
 from lmmap.files import InputError, lock
@@ -104,7 +105,7 @@ def test_names_that_are_not_utf8(tmp_path, lmmap):
 def test_a_jump_of_hours_at_a_rate_ends_in_seconds(tmp_path, lmmap):
     lines = [f"{50 * k + (7_200_000_000 if k > 9000 else 0)} {k % 64} 5 1\n" for k in range(18_000)]
     (tmp_path / "gap.txt").write_text("".join(lines))
-    attacks.CAMERA.save(tmp_path / "camera.json")
+    CAMERA.save(tmp_path / "camera.json")
     code, out, err = lmmap(
         "estimate",
         tmp_path / "gap.txt",

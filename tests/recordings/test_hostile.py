@@ -4,52 +4,35 @@ import json
 import struct
 from pathlib import Path
 
-import attack_recordings as attacks
 import h5py
 import numpy as np
 import pytest
+from attack_directed import directed_files
+from attack_sound import CAMERA, sound_files
 
 from lmmap.recordings import bounded_bag, rosbag_writer, stream
 from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
 from lmmap.recordings.limits import MAX_TIME_US
 from lmmap.types import EVENT, Camera, InputError, Port
 
-CAMERA = attacks.CAMERA
-
 
 @pytest.fixture(scope="module")
 def directed(tmp_path_factory):
-    return attacks.directed_files(tmp_path_factory.mktemp("directed"))
+    return directed_files(tmp_path_factory.mktemp("directed"))
 
 
+SUFFIXES = (".aedat4", ".bag", ".h5", ".txt", ".avi", ".mcap", ".db3", ".raw", ".dat", ".csv", ".npy", ".png")
 DIRECTED = (
-    *(
-        f"{kind}{suffix}"
-        for kind in ("fifo", "zero")
-        for suffix in (".aedat4", ".bag", ".h5", ".txt", ".avi")
-    ),
-    "sparse.aedat4",
-    "sparse.bag",
-    "sparse.h5",
-    "sparse.txt",
-    "line.txt",
-    "int64.txt",
-    "seconds.txt",
-    "never.h5",
-    "never-large.h5",
-    "never-contiguous.h5",
-    "large-chunks.h5",
-    "bomb.h5",
-    "external.h5",
-    "filter.h5",
-    "frames.h5",
-    "bomb.bag",
-    "promise.bag",
-    "gigapixel folder",
-    "cut folder",
-    "huge times",
-    "int times",
-    "nan times",
+    *(f"{kind}{suffix}" for kind in ("fifo", "zero") for suffix in SUFFIXES),
+    *(f"sparse{suffix}" for suffix in SUFFIXES if suffix != ".avi"),
+    *(f"{name}-{kind}.mcap" for name in ("lie", "promise", "absurd") for kind in ("lz4", "zstd")),
+    *("line.txt", "int64.txt", "seconds.txt"),
+    *("never.h5", "never-large.h5", "never-contiguous.h5", "large-chunks.h5", "bomb.h5", "external.h5"),
+    *("filter.h5", "frames.h5", "bomb.bag", "promise.bag", "repeated.mcap", "computed.db3"),
+    *("packed file", "packed messages", "aliases"),
+    *("many.npy", "absurd.npy", "object.npy", "wide.npy", "nested.npy"),
+    *("columns.csv", "twice.csv", "digits.csv", "huge.csv", "unicode.raw", "head.raw", "version.dat"),
+    *("gigapixel folder", "cut folder", "huge times", "int times", "nan times"),
 )
 
 
@@ -175,7 +158,7 @@ def test_truths_that_are_none(tmp_path, text):
 
 def test_empty_packets_end_a_recording_soon(tmp_path):
     """Each of zeros is a packet of stream 0 with no bytes: eight gigabytes of them are a billion packets."""
-    whole = Path(attacks.sound_files(tmp_path, np.random.default_rng(0))[".aedat4"])
+    whole = Path(sound_files(tmp_path, np.random.default_rng(0))[".aedat4"])
     content = bytearray(whole.read_bytes())
     (size,) = struct.unpack_from("<I", content, 14)
     content[18 + size : 18 + size + 8] = struct.pack("<ii", 0, 0)
@@ -191,7 +174,7 @@ def test_a_list_with_and_without_names(tmp_path):
 
 
 def test_sound_files_are_still_read(tmp_path):
-    files = attacks.sound_files(tmp_path, np.random.default_rng(0))
+    files = sound_files(tmp_path, np.random.default_rng(0))
     for kind in (".aedat4", ".bag", ".h5", ".txt", "folder", ".avi"):
         back = open_recording(files[kind], CAMERA)
         assert len(back.events) + len(back.frames) >= 4, kind

@@ -7,6 +7,7 @@ import warnings
 import h5py
 import numpy as np
 import pytest
+from foreign_files import dat, evt2, evt3, evt21
 
 from lmmap.cli import main
 from lmmap.recordings import prophesee
@@ -14,7 +15,6 @@ from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
 
 CAMERA = Camera(1280, 720, 1600.0, 1600.0, 639.5, 359.5)
-SIZE = ";height=720;width=1280\n"
 LOOP_US = {"evt3": 1 << 24, "evt2": 1 << 34, "evt21": 1 << 34, "legacy": 1 << 34}
 
 
@@ -30,68 +30,6 @@ def some_events(count=3000, start_us=0, duration_us=40_000_000):
         y, p, x = rng.integers(720), bool(rng.integers(2)), rng.integers(1200)
         rows += [(t_us, x + dx, y, p) for dx in np.flatnonzero(rng.random(70) < rng.choice([0.02, 0.5]))]
     return events_of(rows)
-
-
-def evt2(events) -> bytes:
-    words, high = [], None
-    for t, x, y, p in events.tolist():
-        if t >> 6 != high:
-            high = t >> 6
-            words.append(8 << 28 | high & 0xFFF_FFFF)
-        words.append(int(p) << 28 | (t & 0x3F) << 22 | x << 11 | y)
-    return b"% evt 2.0\n% format EVT2" + SIZE.encode() + b"% end\n" + struct.pack(f"<{len(words)}I", *words)
-
-
-def evt21(events, legacy=False) -> bytes:
-    words, high = [], None
-    for t, x, y, p in events.tolist():
-        if t >> 6 != high:
-            high = t >> 6
-            words.append((8 << 28 | high & 0xFFF_FFFF) << 32)
-        upper = int(p) << 28 | (t & 0x3F) << 22 | x // 32 * 32 << 11 | y
-        if words[-1] >> 32 == upper and words[-1] & 0xFFFF_FFFF < 1 << x % 32:
-            words[-1] |= 1 << x % 32
-        else:
-            words.append(upper << 32 | 1 << x % 32)
-    order = "legacy" if legacy else "little"
-    head = f"% evt 2.1\n% format EVT21;endianness={order}{SIZE}% end\n".encode()
-    halves = [(w >> 32, w & 0xFFFF_FFFF) if legacy else (w & 0xFFFF_FFFF, w >> 32) for w in words]
-    return head + b"".join(struct.pack("<2I", *pair) for pair in halves)
-
-
-def evt3(events) -> bytes:
-    """Vectors of 12, 12 and 8 where two or more neighbours follow one another, else single events."""
-    words, time, row, k = [], None, None, 0
-    rows = events.tolist()
-    while k < len(rows):
-        t, x, y, p = rows[k]
-        if time is None or t >> 12 != time >> 12:
-            words.append(8 << 12 | t >> 12 & 0xFFF)
-        if t != time:
-            words.append(6 << 12 | t & 0xFFF)
-        if y != row:
-            words.append(y)
-        time, row, end = t, y, k
-        while end < len(rows) and rows[end][0] == t and rows[end][2:] == (y, p):
-            if rows[end][1] >= x + 32 or (end > k and rows[end][1] <= rows[end - 1][1]):
-                break
-            end += 1
-        if end - k > 1:
-            words.append(3 << 12 | int(p) << 11 | x)
-            bits = sum(1 << (r[1] - x) for r in rows[k:end])
-            words += [4 << 12 | bits & 0xFFF, 4 << 12 | bits >> 12 & 0xFFF, 5 << 12 | bits >> 24 & 0xFF]
-        else:
-            words.append(2 << 12 | int(p) << 11 | x)
-        k = end
-    head = b"% evt 3.0\n% format EVT3" + SIZE.encode() + b"% end\n"
-    return head + struct.pack(f"<{len(words)}H", *words)
-
-
-def dat(events) -> bytes:
-    head = b"% Data file containing CD events\n% Version 2\n% Width 1280\n% Height 720\n\x0c\x08"
-    return head + b"".join(
-        struct.pack("<II", t & 0xFFFF_FFFF, int(p) << 28 | y << 14 | x) for t, x, y, p in events.tolist()
-    )
 
 
 ENCODERS = {"evt2": evt2, "evt21": evt21, "legacy": lambda e: evt21(e, legacy=True), "evt3": evt3, "dat": dat}

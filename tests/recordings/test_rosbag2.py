@@ -5,8 +5,8 @@ import struct
 import cv2
 import numpy as np
 import pytest
+from foreign_files import KINDS, STORE, array, bag, header, image, packet
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lmmap.cli import main
 from lmmap.recordings.formats import open_recording, open_stream
@@ -14,22 +14,6 @@ from lmmap.types import EVENT, Camera, InputError
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 START_US = 1_600_000_000_123_456
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(
-    get_types_from_msg(
-        "uint16 x\nuint16 y\nbuiltin_interfaces/Time ts\nbool polarity\n", "dvs_msgs/msg/Event"
-    )
-    | get_types_from_msg(
-        "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n",
-        "dvs_msgs/msg/EventArray",
-    )
-    | get_types_from_msg(
-        "std_msgs/Header header\nuint32 height\nuint32 width\nuint64 seq\nuint64 time_base\n"
-        "string encoding\nbool is_bigendian\nuint8[] events\n",
-        "event_camera_msgs/msg/EventPacket",
-    )
-)
-KINDS = STORE.types
 
 
 def some_events(count=400, first_us=START_US):
@@ -39,28 +23,6 @@ def some_events(count=400, first_us=START_US):
     e["t_us"][0] = first_us
     e["x"], e["y"], e["p"] = rng.integers(0, 64, count), rng.integers(0, 48, count), rng.random(count) < 0.5
     return e
-
-
-def header(t_us, frame="camera"):
-    stamp = KINDS["builtin_interfaces/msg/Time"](sec=t_us // 10**6, nanosec=t_us % 10**6 * 1000)
-    return KINDS["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
-
-
-def array(events, frame="camera"):
-    """A message of dvs_msgs/EventArray, for the library's own serialiser."""
-    time = KINDS["builtin_interfaces/msg/Time"]
-    rows = [
-        KINDS["dvs_msgs/msg/Event"](x=x, y=y, ts=time(sec=t // 10**6, nanosec=t % 10**6 * 1000), polarity=p)
-        for t, x, y, p in events.tolist()
-    ]
-    t_us = int(events["t_us"][-1]) if len(events) else START_US
-    return KINDS["dvs_msgs/msg/EventArray"](header=header(t_us, frame), height=48, width=64, events=rows)
-
-
-def packet(encoding, packed, t_us, time_base=0, **changes):
-    values = dict(header=header(t_us), height=48, width=64, seq=0, time_base=time_base, encoding=encoding,
-                  is_bigendian=False, events=np.frombuffer(packed, np.uint8))  # fmt: skip
-    return KINDS["event_camera_msgs/msg/EventPacket"](**values | changes)
 
 
 def mono(events, base_us):
@@ -84,26 +46,6 @@ def evt3(events, base_us):
         high, low = divmod(t - base_us, 4096)
         words += [8 << 12 | high, 6 << 12 | low, y, 2 << 12 | int(p) << 11 | x]
     return struct.pack(f"<{len(words)}H", *words)
-
-
-def bag(path, messages, storage=StoragePlugin.MCAP):
-    """Messages ``(topic, message, t_us)`` as a bag."""
-    with Writer(path, version=9, storage_plugin=storage) as writer:
-        connections = {}
-        for topic, message, t_us in messages:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-            writer.write(connections[topic], t_us * 1000, bytes(STORE.serialize_cdr(message, kind)))
-    return path
-
-
-def image(frame, t_us, encoding="rgb8"):
-    channels = frame.shape[2] if frame.ndim == 3 else 1
-    return KINDS["sensor_msgs/msg/Image"](
-        header=header(t_us), height=48, width=64, encoding=encoding, is_bigendian=0, step=64 * channels,
-        data=frame.ravel(),
-    )  # fmt: skip
 
 
 def some_frame():

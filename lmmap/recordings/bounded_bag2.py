@@ -1,0 +1,101 @@
+"""The library's reader of ROS 2 bags, with limits: damaged or hostile sizes cost no memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+
+import apsw
+from backports import zstd
+from lz4.frame import LZ4FrameDecompressor
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader, ReaderError, storage_mcap
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from .bounded_bag import BoundedPath
+from .limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
+
+METADATA = "metadata.yaml"  # what tells a bag's folder from another
+
+
+def open_bag(path: Path, typestore) -> AnyReader:
+    """A reader of a bag's folder or of one of its files, not opened yet."""
+    bag = AnyReader([path], default_typestore=typestore)
+    bag.readers = [BoundedBag(path)]
+    return bag
+
+
+class BoundedMcap(McapReader):
+    """Reads no more at once than a chunk may have, and no index that names more than its file can hold."""
+
+    def open(self) -> None:
+        path, self.path = self.path, BoundedPath(self.path)
+        super().open()
+        offsets = [chunk.chunk_start_offset for chunk in self.chunks]
+        size = sum(chunk.uncompressed_size for chunk in self.chunks)
+        if len(set(offsets)) < len(offsets) or size > _most_unpacked(path):
+            self.close()
+            raise ReaderError(f"An index of {len(offsets)} chunks, which unpack to {size} bytes.")
+
+
+class BoundedDirectory(DirectoryReader):
+    """Reads small metadata only, and checks what compressed files and messages unpack to."""
+
+    STORAGE_PLUGINS = MappingProxyType({"mcap": BoundedMcap, "sqlite3": Sqlite3Reader})
+
+    def open(self) -> None:
+        if (size := (self.path / METADATA).stat().st_size) > MAX_METADATA_BYTES:
+            raise ReaderError(f"Metadata of {size} bytes.")
+        for packed in self.path.glob("*.zstd"):
+            _check_unpacked(packed)
+        super().open()
+
+    def messages(self, connections, start=None, stop=None):
+        packed = self.metadata.compression_mode == "message"
+        self.metadata = self.metadata._replace(compression_mode=None)  # the library's would inflate unbounded
+        for connection, time_ns, raw in super().messages(connections, start, stop):
+            yield connection, time_ns, _inflated(zstd.ZstdDecompressor(), raw) if packed else raw
+        self.metadata = self.metadata._replace(compression_mode="message" if packed else None)
+
+
+class BoundedBag(Reader):
+    """The library's reader with bounded storages."""
+
+    STORAGE_PLUGINS = MappingProxyType({"dir": BoundedDirectory, ".mcap": BoundedMcap, ".db3": Sqlite3Reader})
+
+
+def _most_unpacked(path: Path) -> int:
+    """Bytes that a file may unpack to."""
+    return MAX_CHUNK_BYTES + MAX_UNPACK_RATIO * path.stat().st_size
+
+
+def _check_unpacked(path: Path) -> None:
+    """ReaderError where a compressed file, which the library unpacks to disk, has too much in it."""
+    size, most = 0, _most_unpacked(path)
+    with path.open("rb") as file, zstd.open(file, "rb") as unpacked:
+        while piece := unpacked.read(2**20):
+            size += len(piece)
+            if size > most:
+                raise ReaderError(f"{path.name} unpacks to more than {most} bytes.")
+
+
+def _inflated(decompressor, packed: bytes, size: int = MAX_CHUNK_BYTES) -> bytes:
+    """What bytes unpack to; ReaderError where that is more than ``size``."""
+    if size > MAX_CHUNK_BYTES:
+        raise ReaderError(f"A chunk of {size} bytes.")
+    content = decompressor.decompress(packed, max_length=size + 1)
+    if len(content) > size:
+        raise ReaderError(f"A chunk that unpacks to more than {size} bytes.")
+    return content
+
+
+# The library's own entries inflate without a limit; these also check what the chunk's header states.
+storage_mcap.DECOMPRESSORS.update(
+    lz4=lambda packed, size: _inflated(LZ4FrameDecompressor(), packed, size),
+    zstd=lambda packed, size: _inflated(zstd.ZstdDecompressor(), packed, size),
+)
+
+# A column may be computed: a short file could answer with gigabytes.
+apsw.connection_hooks.append(lambda database: database.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES))
