@@ -3,14 +3,15 @@
 ``augmented-N`` and ``realistic-N`` are for training, on covers that are no satellite's and on film.
 ``test-low``, ``test-medium`` and ``test-high`` are one unseen trajectory under three levels of light;
 ``test-low-1`` and so on are another trajectory.  ``hard-slow`` and ``hard-reflect`` are the hard cases;
-``empty-N`` has no port.
+``empty-N`` has no port.  ``speed-30-N`` is like a realistic sequence with a mean speed of 30 mm/s, on the
+path of ``speed-150-N``.
 """
 
 from __future__ import annotations
 
 import re
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,15 +19,19 @@ from scipy.spatial.transform import Rotation
 from ..types import Camera, InputError, Port, Pose
 from . import cad, optics, renderer, skins
 
-KINDS = re.compile(r"(augmented|realistic|empty)-(\d+)|test-(low|medium|high)(?:-\d+)?|hard-(slow|reflect)")
+KINDS = re.compile(
+    r"(augmented|realistic|empty|speed-(?P<mm_s>\d{1,3}(?:\.\d)?))-(\d+)|test-(low|medium|high)(?:-\d+)?"
+    r"|hard-(slow|reflect)"
+)
 COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
 # radiant intensities of the lamps (the colocated lamp has 1), and the gain from radiance to full scale of
 # both sensors, which is the same in every light; `lmmap photometry` chose all three
 EARTHSHINE, SUN, GAIN = 123.7, 1799.5, 0.04153
 SECONDS = {  # length of a sequence; the paper has 80 min augmented, 20 min realistic, > 5000 empty frames
-    "quick": {"augmented": 2.0, "realistic": 2.0, "test": 6.0, "hard": 3.0, "empty": 3.0},
-    "paper": {"augmented": 60.0, "realistic": 60.0, "test": 210.0, "hard": 40.0, "empty": 255.0},
-}
+    "quick": {"augmented": 2.0, "realistic": 2.0, "speed": 2.0, "test": 6.0, "hard": 3.0, "empty": 3.0},
+    "paper": {"augmented": 60.0, "realistic": 60.0, "speed": 20.0, "test": 210.0, "hard": 40.0,
+              "empty": 255.0},
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,9 @@ class Sequence:
     wander: float = 1.0
 
     def rng(self, purpose: str) -> np.random.Generator:
-        """Random numbers for one purpose; test sequences that differ only in light get the same."""
-        group = re.sub("^test-(low|medium|high)", "test", self.name)
+        """Random numbers for one purpose; sequences that differ only in a test's light or in speed get the
+        same."""
+        group = re.sub(r"^test-(low|medium|high)|^speed-[\d.]+", lambda m: m[0].split("-")[0], self.name)
         return np.random.default_rng([zlib.crc32(group.encode()), zlib.crc32(purpose.encode())])
 
 
@@ -56,9 +62,9 @@ def sequence(name: str) -> Sequence:
     if not match:
         raise InputError(
             f"sequence {name!r} is unknown: use augmented-N, realistic-N, test-low, test-medium, test-high, "
-            "test-low-N and so on, hard-slow, hard-reflect or empty-N"
+            "test-low-N and so on, hard-slow, hard-reflect, empty-N or speed-MM_PER_S-N"
         )
-    kind, number, level, hard = match.groups()
+    kind, mm_s, number, level, hard = match.groups()
     if level:
         return Sequence(name, level, "mock-up")
     if hard == "slow":
@@ -67,7 +73,15 @@ def sequence(name: str) -> Sequence:
         return Sequence(name, "reflect", "mock-up", wander=0.4)
     light = ("low", "medium", "high")[int(number) % 3]
     skin = "textured" if kind == "augmented" else ("mock-up" if int(number) % 2 else "film")
-    return Sequence(name, light, skin, port=kind != "empty")
+    seq = Sequence(name, light, skin, port=kind != "empty")
+    return seq if mm_s is None else replace(seq, speed=1e-3 * float(mm_s) / mean_speed_m_s(seq))
+
+
+def mean_speed_m_s(seq: Sequence) -> float:
+    """Mean speed of the port's position over a minute."""
+    t_s = np.linspace(0, 60, 601)
+    position_m = sequence_motion(seq, t_s).position_m
+    return float(np.mean(np.linalg.norm(np.diff(position_m, axis=0), axis=1)) / (t_s[1] - t_s[0]))
 
 
 def sequence_motion(seq: Sequence, t_s) -> Pose:

@@ -33,19 +33,21 @@ THREADS = 2
 PART_S = 5.0  # seconds of recording that an interruption may cost
 
 
-def render_times_us(seq: Sequence, port: Port, camera: Camera, seconds: float) -> np.ndarray:
-    """Times between which nothing visible of panel or port moves by more than about `STEP_PX`."""
+def render_times_us(
+    seq: Sequence, port: Port, camera: Camera, seconds: float, step_px: float = STEP_PX
+) -> np.ndarray:
+    """Times between which nothing visible of panel or port moves by more than about ``step_px``."""
     t = np.arange(0, seconds + 1e-9, 0.001)
     poses = sequence_motion(seq, t)
     size = np.array(camera.size_px)
     speed = np.zeros(len(t) - 1)
     for point in _visible_points_m(port):
         pixel = project(poses @ point, camera)
-        inside = np.all(np.abs(pixel - (size - 1) / 2) < size / 2 + STEP_PX, -1)
+        inside = np.all(np.abs(pixel - (size - 1) / 2) < size / 2 + step_px, -1)
         moved = np.linalg.norm(np.diff(pixel, axis=0), axis=-1)
         speed = np.maximum(speed, np.where(inside[1:] | inside[:-1], moved, 0))
-    travelled = np.concatenate([[0], np.cumsum(np.clip(speed, STEP_PX / 20, STEP_PX))])
-    steps = np.interp(np.arange(0, travelled[-1], STEP_PX), travelled, t)
+    travelled = np.concatenate([[0], np.cumsum(np.clip(speed, step_px / 20, step_px))])
+    steps = np.interp(np.arange(0, travelled[-1], step_px), travelled, t)
     return np.unique((steps * 1e6).astype(np.int64))
 
 
@@ -72,6 +74,7 @@ class Setup:
     render: Callable = renderer.render
     lens_blur_px: float = LENS_BLUR_PX
     frame_hz: float = FRAME_HZ
+    step_px: float = STEP_PX
 
 
 OUR_SETUP = Setup()
@@ -106,7 +109,7 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, sensor, sk
     for scene, rays in ((monochrome, event_rays), (colour, frame_rays)):  # compile before threads start
         corner = *scene[:2], scene[2][:1, :1].copy()
         radiance(T_first, corner, rays[:, :1, :1].copy())
-    views = _views(seq, camera, port, seconds, setup.frame_hz)
+    views = _views(seq, camera, port, seconds, setup)
     for t_us, intensity, frame in _compute_ahead(image, views[skip:]):
         yield t_us, sensor(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
 
@@ -119,10 +122,10 @@ class View(NamedTuple):
     is_frame: bool
 
 
-def _views(seq: Sequence, camera: Camera, port: Port, seconds: float, frame_hz: float) -> list[View]:
+def _views(seq: Sequence, camera: Camera, port: Port, seconds: float, setup: Setup) -> list[View]:
     """All images in the order of time."""
-    steps_us = render_times_us(seq, port, camera, seconds)
-    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / frame_hz).astype(np.int64)
+    steps_us = render_times_us(seq, port, camera, seconds, setup.step_px)
+    frames_us = np.arange(EXPOSURE_US, seconds * 1e6 - EXPOSURE_US, 1e6 / setup.frame_hz).astype(np.int64)
     parts_us = ((np.arange(SUB_EXPOSURES) + 0.5) / SUB_EXPOSURES - 0.5) * EXPOSURE_US
     steps = [View(t, T, False) for t, T in zip(steps_us, sequence_motion(seq, steps_us * 1e-6), strict=True)]
     times = frames_us[:, None] + parts_us
