@@ -46,6 +46,26 @@ class MotionSettings:
 
 
 @dataclass(frozen=True)
+class BetweenSettings:
+    """How events correct a track between images; all but the period chosen by ``tuning/tune_between.py``."""
+
+    period_us: int = 2000  # of updates: 500 Hz
+    gate_px: float = 2.5  # from an edge: events farther away are not the edge's
+    sigma_px: float = 1.0  # standard deviation of an event about its edge
+    common_px: float = 0.5  # of the error that events at one piece of edge share
+    correlation_s: float = 0.01  # time over which that error stays alike
+    outward_px: float = 0.5  # of events from their edge: a logarithm changes most where it is dark
+    lag_on_s: float = 0.0  # from an edge's passage to the events of a pixel that it makes brighter
+    lag_off_s: float = 0.0  # to those of a pixel that it makes darker
+    sure_sigmas: float = 2.0  # of an edge's velocity: above, only the polarity that it makes counts
+    motion: MotionSettings = field(
+        default_factory=lambda: MotionSettings(
+            acceleration_m=0.1, acceleration_rad=0.6, speed_m_s=0.15, rate_rad_s=0.6, lost_s=1.0
+        )
+    )
+
+
+@dataclass(frozen=True)
 class Settings(PaperSettings):
     """The paper's numbers, and every other number that our pipeline is free to choose."""
 
@@ -122,6 +142,7 @@ class Settings(PaperSettings):
     certain_sigmas: float = 1.96  # standard deviations within those errors: 95 %
 
     motion: MotionSettings = field(default_factory=MotionSettings)
+    between: BetweenSettings = field(default_factory=BetweenSettings)
 
 
 PAPER = PaperSettings()

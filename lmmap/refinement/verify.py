@@ -45,8 +45,9 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     up = np.array([0, 0, 1.0])
     ray = points - eye
     with np.errstate(divide="ignore", invalid="ignore"):
-        on_plate = eye + ((port.plate_height_m - eye[2]) / ray[:, 2])[:, None] * ray
-        by_plate = np.abs(on_plate @ radial.T).max(1) < apothem_m
+        to_plate = (port.plate_height_m - eye[2]) / ray[:, 2]  # share of the ray
+        on_plate = eye + to_plate[:, None] * ray
+        by_plate = (np.abs(on_plate @ radial.T).max(1) < apothem_m) & (to_plate < 1)
         base = apothem_m * radial + port.plate_height_m * up  # middle of each petal's base
         normal = port.petal_rise_m * radial - port.petal_lean_m * up
         share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)

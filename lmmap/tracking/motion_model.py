@@ -96,6 +96,17 @@ class MotionState:
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
                        covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T))  # fmt: skip
 
+    def inform(self, information, vector) -> MotionState:
+        """The same after measurements h of the pose with ``information`` sum h h' / var, (6, 6), which may be
+        singular, and ``vector`` sum h y / var, (6,), of their differences y from this pose."""
+        P, eye = self.covariance, np.eye(6)
+        gain = np.linalg.solve((eye + information @ P[POSE, POSE]).T, P[POSE]).T  # P H' (I + L H P H')^-1
+        step = gain @ vector
+        T = Pose(Rotation.from_rotvec(step[3:6]).as_matrix() @ self.T_cam_port.rotation,
+                 self.T_cam_port.position_m + step[:3])  # fmt: skip
+        return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
+                       covariance=_symmetric(P - gain @ information @ P[POSE]))  # fmt: skip
+
 
 def _symmetric(A):
     return (A + A.T) / 2

@@ -100,13 +100,26 @@ def test_speeds_are_an_arms():
     assert np.linalg.norm(np.diff(slow.position_m, axis=0), axis=1) / 0.1 == pytest.approx(0.0015)
 
 
-def test_motion_between_renders_stays_under_a_pixel():
+@pytest.mark.parametrize("number", [1, 2, 101])
+def test_a_named_speed_is_the_mean_speed_on_one_path(number):
+    slow, fast = (laboratory.sequence(f"speed-{mm_s}-{number}") for mm_s in ("1.5", "150"))
+    t_s = np.linspace(0, 60 / fast.speed, 2001)
+    position_m = laboratory.sequence_motion(fast, t_s).position_m
+    length_m = np.sum(np.linalg.norm(np.diff(position_m, axis=0), axis=1))
+    assert length_m / t_s[-1] == pytest.approx(0.150, rel=1e-2)
+    same = laboratory.sequence_motion(slow, 100 * t_s).position_m
+    np.testing.assert_allclose(same, position_m, atol=1e-9)
+    assert slow.light == fast.light and slow.skin == fast.skin
+
+
+@pytest.mark.parametrize("step_px", [0.3, sequences.STEP_PX])
+def test_motion_between_renders_stays_under_a_pixel(step_px):
     seq, port, camera = laboratory.sequence("test-low"), Port.lm_map(), Camera.davis346()
-    times = sequences.render_times_us(seq, port, camera, 3.0)
+    times = sequences.render_times_us(seq, port, camera, 3.0, step_px)
     poses = laboratory.sequence_motion(seq, times * 1e-6)
     ring = circle_points_m(port.ring_outer_radius_m, 12)
     points = project(np.einsum("nij,kj->nki", poses.rotation, ring) + poses.position_m[:, None], camera)
-    assert np.linalg.norm(np.diff(points, axis=0), axis=-1).max() < 1.0
+    assert np.linalg.norm(np.diff(points, axis=0), axis=-1).max() < 1.1 * step_px
 
 
 def test_labels_are_the_projected_cad():
