@@ -12,12 +12,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class PerCamera:
-    """A number that differs between the two cameras: ``setting[modality]``."""
+    """What differs between the two cameras: ``setting[modality]``."""
 
-    rgb: float
-    event: float
+    rgb: float | tuple[float, ...]
+    event: float | tuple[float, ...]
 
-    def __getitem__(self, modality: str) -> float:
+    def __getitem__(self, modality: str):
         return {"rgb": self.rgb, "event": self.event}[modality]
 
 
@@ -102,6 +102,9 @@ class Settings(PaperSettings):
     # yaw
     min_marker_score: float = 0.15  # tuning/choose_thresholds.py
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
+    # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
+    # `outline.support`; tuning/fit_yaw.py
+    yaw_weights: PerCamera = PerCamera(rgb=(10.73, 8.72, 9.74, 4.23), event=(23.77, 15.08, 3.67, 3.78))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 
@@ -126,13 +129,8 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (
-        -7.288,
-        -1.747,
-        -37.189,
-        3.999,
-    )  # that position and normal are right
-    confidence_yaw: tuple[float, ...] = (-12.86, -0.698, 20.543)  # that the yaw is, if they are
+    confidence_ring: tuple[float, ...] = (-9.893, -1.756, -18.921, 3.991, 0.517)  # of position and normal
+    confidence_yaw: tuple[float, ...] = (-3.19, 0.408, -0.437, 5.894)  # that the yaw is right, if they are
     min_confidence: float = 0.75  # below, the status is `UNSURE` and there is no pose
 
     # errors of a pose that one may dock on

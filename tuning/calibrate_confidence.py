@@ -36,8 +36,10 @@ BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])
 class Witness(wrong_poses.OnMasks):
     """An estimator that reports every pose, and keeps its evidence."""
 
-    def confidence(self, *of_pose) -> float:
-        self.evidence = verify.evidence(*of_pose, self.port, self.camera)
+    def confidence(self, T_cam_port, covariance, best, *images) -> float:
+        self.evidence = verify.evidence(
+            T_cam_port, covariance, best.sigma_rad, best.log_odds, *images, self.port, self.camera
+        )
         return 1.0
 
 
@@ -98,9 +100,9 @@ def lowest_limit(confidence, outcome) -> float:
 
 
 def fit(evidence, circle_right, outcome) -> Settings:
-    """Settings with both regressions fitted to evidence (N, 5): of whether position and normal are right,
+    """Settings with both regressions fitted to evidence (N, 6): of whether position and normal are right,
     (N,), and of whether the whole pose is, (N,)."""
-    ring = logistic_fit(evidence[:, :3], circle_right).round(3)
+    ring = logistic_fit(evidence[:, :4], circle_right).round(3)
     of_yaw = logistic_fit(evidence[circle_right, 3:], outcome[circle_right]).round(3)
     return replace(OURS, confidence_ring=tuple(ring.tolist()), confidence_yaw=tuple(of_yaw.tolist()))
 
@@ -119,7 +121,7 @@ def cross_validated(sequence, evidence, circle_right, outcome) -> np.ndarray:
 def main() -> None:
     wrong_poses.make()
     every = pd.DataFrame([row for s in wrong_poses.SETS for m in ("rgb", "event")
-                          for w in wrong_poses.WEIGHTS for row in poses(s, m, w)])  # fmt: skip
+                          for w in wrong_poses.WEIGHTS[s] for row in poses(s, m, w)])  # fmt: skip
     evidence, outcome = np.stack(every.evidence), every.right.to_numpy(bool)
     circle_right, sequence = every.circle_right.to_numpy(bool), every.sequence.to_numpy(str)
     tuning = every.set.str.endswith("tuning").to_numpy()

@@ -38,13 +38,13 @@ from lmmap.types import Camera, Estimate, Port, Pose, Recording
 
 LIGHTS = ("low", "medium", "high")  # of `realistic-N`, by N modulo 3
 PLACES = {  # number of the first sequence, and how many of each light
-    "bench, tuning": (1031, {"low": 12, "medium": 12, "high": 24}),
-    "bench, held out": (1401, {"low": 3, "medium": 3, "high": 10}),
-    "other laboratory, tuning": (1301, {"low": 3, "medium": 3, "high": 6}),
-    "other laboratory, held out": (1319, {"low": 3, "medium": 3, "high": 6}),
+    "bench, tuning": (2001, {"low": 16, "medium": 24, "high": 84}),
+    "bench, held out": (2301, {"low": 12, "medium": 16, "high": 42}),
+    "other laboratory, tuning": (2501, {"low": 8, "medium": 8, "high": 20}),
+    "other laboratory, held out": (2601, {"low": 6, "medium": 6, "high": 14}),
 }
-SECONDS, EACH = 0.8, 3  # length of a recording, and most images of each camera from it
-WEIGHTS = ("low", "robust")
+SECONDS = {"low": 0.6, "medium": 0.8, "high": 0.4}  # length of a recording
+EACH = 2  # most images of each camera from it
 KINDS = ("rgb", "event", "event wider")  # the last: the second look at each of the second
 FOLDER = DERIVED_DATA / "wrong"
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
@@ -61,7 +61,9 @@ SETS = {  # light by name of sequence
     for place, (first, counts) in PLACES.items()
 }
 SEQUENCES = [name for names in SETS.values() for name in names]
+LIGHT = {name: light for names in SETS.values() for name, light in names.items()}
 ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}
+WEIGHTS = {place: ("low", "robust") if place.startswith("other") else ("low",) for place in SETS}
 ESTIMATORS = {
     "every pose": replace(OURS, min_confidence=0.0),
     "confident poses": OURS,
@@ -89,11 +91,12 @@ class Case(NamedTuple):
 
 def recorded(name: str) -> Recording:
     """A short recording; in the other laboratory its worlds take turns."""
+    seconds = SECONDS[LIGHT[name]]
     if name not in ELSEWHERE:
-        return sequences.simulate(name, SECONDS, setup=sequences.Setup(frame_hz=5))
-    turn = (int(name.split("-")[1]) - 1301) // 3 % len(world.WORLDS)
+        return sequences.simulate(name, seconds, setup=sequences.Setup(frame_hz=5))
+    turn = int(name.split("-")[1]) // 3 % len(world.WORLDS)
     gap_m, sensor = list(world.WORLDS.values())[turn]
-    return sequences.simulate(name, SECONDS, sensor=sensor, setup=world.other_setup(gap_m))
+    return sequences.simulate(name, seconds, sensor=sensor, setup=world.other_setup(gap_m))
 
 
 def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
@@ -114,35 +117,46 @@ def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
 
 def make() -> None:
     """All images with their masks, in the memory of one recording."""
-    filters = {(f, m, w): load_network(weight_path(f, m, w), m)
-               for f in FILTERS for m in ("rgb", "event") for w in WEIGHTS}  # fmt: skip
+    filters = cache(lambda f, m, w: load_network(weight_path(f, m, w), m))
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for name in tqdm([name for name in SEQUENCES if not _path(name).exists()], disable=None):
-        recording, arrays = recorded(name), {}
-        for modality in ("rgb", "event"):
-            for kind, (images, truths) in looks(recording, modality).items():
-                arrays[kind] = np.array(images)
-                arrays[f"{kind} rotation"] = np.array([T.rotation for T in truths]).reshape(-1, 3, 3)
-                arrays[f"{kind} position_m"] = np.array([T.position_m for T in truths]).reshape(-1, 3)
-                for w in WEIGHTS:
-                    masks = [[filters[f, modality, w](image) for f in FILTERS] for image in images]
-                    arrays[f"{kind} {w}"] = np.array(masks, np.float16)
-        temporary = _path(name).with_suffix(".tmp")
-        with temporary.open("wb") as file:
-            np.savez(file, **arrays)
-        temporary.rename(_path(name))
+    jobs = [(name, w) for place, names in SETS.items() for name in names for w in WEIGHTS[place]]
+    for name, weights in tqdm([job for job in jobs if not _path(*job).exists()], disable=None):
+        if not _path(name).exists():
+            _save(_path(name), _arrays(recorded(name)))
+        with np.load(_path(name)) as images:
+            masks = {kind: [[filters(f, kind.split()[0], weights)(image) for f in FILTERS]
+                            for image in images[kind]] for kind in KINDS}  # fmt: skip
+        _save(_path(name, weights), {kind: np.array(m, np.float16) for kind, m in masks.items()})
 
 
-def _path(name: str):
-    return FOLDER / f"{name}.npz"
+def _arrays(recording: Recording) -> dict[str, np.ndarray]:
+    """Images of all kinds, and their true poses."""
+    arrays = {}
+    for modality in ("rgb", "event"):
+        for kind, (images, truths) in looks(recording, modality).items():
+            arrays[kind] = np.array(images)
+            arrays[f"{kind} rotation"] = np.array([T.rotation for T in truths]).reshape(-1, 3, 3)
+            arrays[f"{kind} position_m"] = np.array([T.position_m for T in truths]).reshape(-1, 3)
+    return arrays
+
+
+def _save(path, arrays: dict[str, np.ndarray]) -> None:
+    temporary = path.with_suffix(".tmp")
+    with temporary.open("wb") as file:
+        np.savez(file, **arrays)
+    temporary.rename(path)
+
+
+def _path(name: str, weights: str = "images"):
+    return FOLDER / f"{name}-{weights}.npz"
 
 
 def cases(set_name: str, modality: str, weights: str) -> Iterator[Case]:
     """What `make` has kept of a set."""
     kinds = [kind for kind in KINDS if kind.startswith(modality)]
     for name, light in SETS[set_name].items():
-        with np.load(_path(name)) as data:
-            parts = [[data[kind], data[f"{kind} {weights}"].astype(np.float32), data[f"{kind} rotation"],
+        with np.load(_path(name)) as data, np.load(_path(name, weights)) as masks:
+            parts = [[data[kind], masks[kind].astype(np.float32), data[f"{kind} rotation"],
                       data[f"{kind} position_m"]] for kind in kinds]  # fmt: skip
         for i in range(len(parts[0][0])):
             views = [Look(p[0][i], p[1][i], Pose(p[2][i], p[3][i])) for p in parts]
@@ -202,7 +216,7 @@ def shares(table: pd.DataFrame, by=("set", "modality", "weights", "light", "esti
 
 def main() -> None:
     make()
-    rows = [outcomes(ESTIMATORS, s, m, w) for s in SETS for m in ("rgb", "event") for w in WEIGHTS]
+    rows = [outcomes(ESTIMATORS, s, m, w) for s in SETS for m in ("rgb", "event") for w in WEIGHTS[s]]
     every = pd.concat(rows, ignore_index=True)
     table = shares(every)
     print(table.round(1).to_string())

@@ -96,7 +96,7 @@ class Estimator:
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
         reflectors = self.find_reflectors(image, candidates)
-        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings)
+        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, image)
         if best.score < self.settings.min_marker_score:
             unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
             known = self.ring_uncertainty(candidates[0], ring, unknown_rad)
@@ -105,7 +105,7 @@ class Estimator:
                             covariance=known.covariance)  # fmt: skip
         printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings)
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
-        confidence = self.confidence(T_cam_port, covariance, best.sigma_rad, image, ring_mask, reflectors)
+        confidence = self.confidence(T_cam_port, covariance, best, image, ring_mask, reflectors)
         estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
                             best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
                             confidence=confidence)  # fmt: skip
@@ -113,12 +113,11 @@ class Estimator:
             return estimate
         return replace(estimate, status=Status.UNSURE, T_cam_port=None, doubtful=T_cam_port)
 
-    def confidence(
-        self, T_cam_port: Pose, covariance, yaw_sigma_rad: float, image, ring_mask, reflectors
-    ) -> float:
-        """Probability that a pose is right, by the image and both its masks."""
+    def confidence(self, T_cam_port: Pose, covariance, best: yaw.YawFit, *images) -> float:
+        """Probability that a pose is right, by its yaw's fit and by the image, the ring's mask and the
+        reflectors' mask (H, W)."""
         evidence = verify.evidence(
-            T_cam_port, covariance, yaw_sigma_rad, image, ring_mask, reflectors, self.port, self.grid
+            T_cam_port, covariance, best.sigma_rad, best.log_odds, *images, self.port, self.grid
         )
         return float(verify.confidence(evidence, self.settings))
 

@@ -6,16 +6,17 @@ their outline, tells the two circles' poses apart.  The markers are projected in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from ..geometry.projection import project
 from ..geometry.rotations import rotation_z
+from ..geometry.sampling import project_points, sample
 from ..settings import OURS, PAPER, PaperSettings, Settings
 from ..types import Camera, Port, Pose, frozen_array
+from . import outline
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,8 @@ class YawFit:
     the choice of the normal is: by how much of its own size the criterion falls from the better normal
     to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal, and ``yaw_margin`` by
     how much of its own size the correlation falls to the best of the other yaws; below
-    `Settings.min_yaw_margin` the yaw is not known.
+    `Settings.min_yaw_margin` the yaw is not known.  ``log_odds`` are those that normal and yaw are right, as
+    far as mask and image tell; 0 where only the mask was asked.
     """
 
     T_cam_port: Pose
@@ -36,6 +38,7 @@ class YawFit:
     margin: float = 0.0
     sigma_rad: float = np.inf
     yaw_margin: float = 0.0
+    log_odds: float = 0.0
 
 
 def paper_yaw(
@@ -53,7 +56,7 @@ def paper_yaw(
     mask = _check(reflector_mask, T_cam_port, camera)
     yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
     hypotheses = _turn(T_cam_port[:, None], yaws)  # (2, N)
-    corners = _project_markers(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
+    corners = project_points(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
     total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
     if np.all(np.isfinite(corners)):
         low = np.floor(corners.min((0, 1, 2, 3))).astype(int).clip(0, camera.size_px)
@@ -70,7 +73,7 @@ def paper_yaw(
 
 
 def fast_yaw(
-    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS, image=None
 ) -> YawFit:
     """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
 
@@ -80,52 +83,66 @@ def fast_yaw(
     markers wins, mean * sqrt(area): a plain mean would favour the smaller outline and a plain sum the
     larger one.  Arguments as `paper_yaw`; markers outside the image or behind the camera count as
     unlit.
+
+    With the image that the mask is of, a frame (H, W, 3) or a histogram (H, W), normal and yaw are those of
+    the greatest probability by the mask and by `outline.support` together.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
-    points_m, template, step_rad = _polar_template(port, settings.yaw_step_rad)
-    folded = _sample(mask, _project_markers(T_cam_port, points_m, camera))
-    folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
-    spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
-    correlation = np.fft.irfft(spectrum.sum(1), folded.shape[-1])
+    _, template, step_rad = _polar_template(port, settings.yaw_step_rad)
+    folded, correlation = _correlate(mask, T_cam_port, port, camera, settings)
+    criterion = correlation / template.sum()
+    if image is not None:
+        weights = settings.yaw_weights["rgb" if np.ndim(image) == 3 else "event"]
+        seen = outline.support(image, T_cam_port, port, camera, correlation.shape[-1])
+        criterion = weights[0] * criterion + seen @ weights[1:]
+        log_odds = outline.log_odds(criterion, T_cam_port, port, settings)
 
-    yaw_rad, sigma_rad = _peak(correlation, folded, template, step_rad)
-    yaw_margin = _margin(correlation, settings.other_yaw_share)
+    yaw_rad, sigma_rad = _peak(criterion, correlation, folded, template, step_rad)
+    evidence = correlation if image is None else np.exp(criterion - criterion.max(1, keepdims=True))
+    yaw_margin = _margin(evidence, settings.other_yaw_share)
     poses = _turn(T_cam_port, yaw_rad)
 
-    outlines = _project_markers(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
-    mean, area = _sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
+    outlines = project_points(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
+    mean, area = sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
     sigma_rad = settings.yaw_inflation * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
     unknown_rad = port.yaw_period_rad / np.sqrt(12)
     sigma_rad = np.where(
         yaw_margin >= settings.min_yaw_margin, np.minimum(sigma_rad, unknown_rad), unknown_rad
     )
-    return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
+    if image is None:
+        return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
+    probability = np.exp(criterion.max(1) - criterion.max())
+    return replace(_fit(poses, probability, mean, sigma_rad, yaw_margin), log_odds=log_odds)
 
 
 def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
     """Mean of the mask (H, W) inside the projected markers of poses (N,), shape (N,)."""
     mask = np.ascontiguousarray(reflector_mask, np.float32)
-    return _sample(mask, _project_markers(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
+    return sample(mask, project_points(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
+
+
+def marker_means(
+    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS
+) -> np.ndarray:
+    """Mean of the mask (H, W) inside the markers of two poses at each yaw of the grid, (2, yaws): the first
+    of what `fast_yaw` weighs."""
+    _, template, _ = _polar_template(port, settings.yaw_step_rad)
+    return _correlate(reflector_mask, T_cam_port, port, camera, settings)[1] / template.sum()
+
+
+def _correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings):
+    """The mask on polar coordinates of the markers' plane, its sectors folded, (2, R, yaws), and its circular
+    correlation with one marker (2, yaws)."""
+    points_m, template, _ = _polar_template(port, settings.yaw_step_rad)
+    folded = sample(mask, project_points(T_cam_port, points_m, camera))
+    folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
+    spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
+    return folded, np.fft.irfft(spectrum.sum(1), folded.shape[-1])
 
 
 def _turn(T: Pose, yaw_rad) -> Pose:
     rotation = T.rotation @ rotation_z(yaw_rad)
     return Pose(rotation, np.broadcast_to(T.position_m, rotation.shape[:-1]))
-
-
-def _project_markers(T_cam_port: Pose, points_m, camera: Camera):
-    """(*B,) poses and (*P, 3) points -> (*B, *P, 2) px."""
-    R, p = T_cam_port.rotation, T_cam_port.position_m
-    points = np.asarray(points_m)
-    flat = R @ points.reshape(-1, 3).T + p[..., None]  # components apart, as `project` wants them
-    return project(np.moveaxis(flat, -2, -1), camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
-
-
-def _sample(mask, points_px):
-    """Bilinear values of the mask, zero outside the image and behind the camera."""
-    grid = np.nan_to_num(points_px, nan=-10).clip(-10, 30_000).astype(np.float32)
-    grid = grid.reshape(-1, grid.shape[-2], 2)
-    return cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
 
 
 def reach_m(port: Port) -> float:
@@ -192,17 +209,19 @@ def _margin(correlation, other_yaw_share: float) -> np.ndarray:
     return np.where(top > 0, 1 - np.maximum(other, 0) / np.where(top > 0, top, 1), 0)
 
 
-def _peak(correlation, folded, template, step_rad: float):
-    """Yaw (2,) of the correlation's peak by a parabola, and its standard deviation.
+def _peak(criterion, correlation, folded, template, step_rad: float):
+    """Yaw (2,) of the criterion's peak by a parabola, and its standard deviation by the mask.
 
     To second order half the squared misfit between mask and a scaled template, weighted by area, grows by
     a * bend * yaw^2 / 2, with a the best amplitude; so noise of variance s^2 a sample turns the peak by
     s / sqrt(a * bend).
     """
-    at, count = correlation.argmax(1), correlation.shape[-1]
-    left, top, right = (correlation[[0, 1], (at + k) % count] for k in (-1, 0, 1))
+    at, count = criterion.argmax(1), criterion.shape[-1]
+    left, top, right = (criterion[[0, 1], (at + k) % count] for k in (-1, 0, 1))
     bend = np.maximum(2 * top - left - right, 0)
     offset = np.where(bend > 0, 0.5 * (right - left) / np.where(bend > 0, bend, 1), 0)
+    left, top, right = (correlation[[0, 1], (at + k) % count] for k in (-1, 0, 1))
+    bend = np.maximum(2 * top - left - right, 0)
     amplitude = np.maximum(top, 0) / template.sum()
     fitted = amplitude[:, None, None] * np.stack([np.roll(template > 0, k, 1) for k in at])
     variance = np.mean((folded - fitted) ** 2, (1, 2))

@@ -13,7 +13,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..geometry.projection import project
+from ..geometry.sampling import project_points, sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose
 from ..types.arrays import frozen_array
@@ -38,7 +38,6 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
     """
     points, eye = np.asarray(points_m, float), np.asarray(eye_m, float)
-    apothem_m = port.plate_circumradius_m * np.cos(np.pi / (2 * port.symmetry))
     yaws = np.arange(port.symmetry) * port.yaw_period_rad
     radial = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], -1)
     tangent = np.stack([-np.sin(yaws), np.cos(yaws), np.zeros_like(yaws)], -1)
@@ -47,8 +46,8 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         to_plate = (port.plate_height_m - eye[2]) / ray[:, 2]  # share of the ray
         on_plate = eye + to_plate[:, None] * ray
-        by_plate = (np.abs(on_plate @ radial.T).max(1) < apothem_m) & (to_plate < 1)
-        base = apothem_m * radial + port.plate_height_m * up  # middle of each petal's base
+        by_plate = (np.abs(on_plate @ radial.T).max(1) < port.apothem_m) & (to_plate < 1)
+        base = port.apothem_m * radial + port.plate_height_m * up  # middle of each petal's base
         normal = port.petal_rise_m * radial - port.petal_lean_m * up
         share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)
         on_petal = eye + share[..., None] * ray[:, None] - base
@@ -70,8 +69,10 @@ def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera
     if not seen.any():
         return 1.0, 0.0
     inner = port.ring_inner_radius_m / port.ring_radius_m
-    inside = _sample(ring_mask, T_cam_port, points_m, camera)[seen][:, inner - INSIDE > RADII].mean()
-    value = _sample(_light(image), T_cam_port, points_m, camera)[seen]
+    inside = sample(ring_mask, project_points(T_cam_port, points_m, camera))[seen][
+        :, inner - INSIDE > RADII
+    ].mean()
+    value = sample(_light(image), project_points(T_cam_port, points_m, camera))[seen]
     edge = np.abs(value[:, 2:] - value[:, :-2]) if np.ndim(image) == 3 else value[:, 1:-1]
     away = np.abs(RADII[1:-1] - inner)
     near, beside = away <= EDGE_NEAR, (away > EDGE_NEAR) & (away <= EDGE_FAR)
@@ -94,47 +95,41 @@ def _light(image) -> np.ndarray:
 def marker_evidence(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> float:
     """Share of a reflector mask (H, W) about the port's axis that lies on the markers or their blur."""
     points_m, on_markers = _marker_plane(port)
-    value = _sample(reflector_mask, T_cam_port, points_m, camera)
+    value = sample(reflector_mask, project_points(T_cam_port, points_m, camera))
     return float(value[on_markers].sum() / max(value.sum(), 1e-6))
 
 
 def evidence(
-    T_cam_port: Pose, covariance, yaw_sigma_rad: float, image, ring_mask, reflector_mask, port: Port,
-    camera: Camera,
+    T_cam_port: Pose, covariance, yaw_sigma_rad: float, log_odds: float, image, ring_mask, reflector_mask,
+    port: Port, camera: Camera,
 ) -> np.ndarray:  # fmt: skip
-    """What speaks for a pose, shape (5,): of the ring, then of the yaw.
+    """What speaks for a pose, shape (6,): the first four of the ring, the last three of the yaw.
 
-    Logarithm of the position's standard deviation along its worst direction (m), `ring_evidence`, logarithm
-    of the yaw's standard deviation (rad), `marker_evidence`.
+    Logarithm of the position's standard deviation along its worst direction (m), `ring_evidence`, the log
+    odds of normal and yaw (`YawFit.log_odds`), logarithm of the yaw's standard deviation (rad),
+    `marker_evidence`.
     """
     variance = np.linalg.eigvalsh(np.asarray(covariance)[:3, :3])[-1]
     return np.array([
         0.5 * np.log(max(variance, 1e-12)),
         *ring_evidence(ring_mask, image, T_cam_port, port, camera),
+        log_odds,
         np.log(np.clip(yaw_sigma_rad, 1e-6, 1.0)),
         marker_evidence(reflector_mask, T_cam_port, port, camera),
     ])  # fmt: skip
 
 
 def confidence(evidence, settings: Settings = OURS) -> np.ndarray:
-    """Probability (...) that a pose is right, of its evidence (..., 5): that position and normal are, times
+    """Probability (...) that a pose is right, of its evidence (..., 6): that position and normal are, times
     that the yaw is if they are, each logistic."""
     evidence = np.asarray(evidence)
     ring, of_yaw = settings.confidence_ring, settings.confidence_yaw
-    return logistic(evidence[..., :3], ring) * logistic(evidence[..., 3:], of_yaw)
+    return logistic(evidence[..., :4], ring) * logistic(evidence[..., 3:], of_yaw)
 
 
 def logistic(x, weights) -> np.ndarray:
     """Probabilities (...) of x (..., K) with a constant and slopes (K + 1,)."""
     return 1 / (1 + np.exp(-np.clip(weights[0] + np.asarray(x) @ np.asarray(weights[1:]), -50, 50)))
-
-
-def _sample(mask, T_cam_port: Pose, points_m, camera: Camera) -> np.ndarray:
-    """Bilinear values of a mask at points (A, B, 3) of the port, zero outside the image."""
-    grid = np.nan_to_num(project(T_cam_port @ points_m, camera), nan=-10).clip(-10, 30_000)
-    return cv2.remap(
-        np.asarray(mask, np.float32), grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0
-    )
 
 
 @lru_cache

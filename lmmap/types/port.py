@@ -68,6 +68,11 @@ class Port:
         """Yaw is known modulo this angle."""
         return 2 * np.pi / self.symmetry
 
+    @property
+    def apothem_m(self) -> float:
+        """Distance of the plate's sides from the axis; it has two sides for each marker."""
+        return self.plate_circumradius_m * np.cos(np.pi / (2 * self.symmetry))
+
     def marker_corners_m(self) -> np.ndarray:
         """Corners of the markers in the port frame, shape (symmetry, 4, 3)."""
         tangential, radial = np.array(self.marker_size_m) / 2

@@ -1,0 +1,110 @@
+"""Weighs mask and image for normal and yaw: ``yaw_weights`` of the settings.
+
+    python tuning/fit_yaw.py
+
+A multinomial logistic regression for each camera: of all normals and yaws, those near the truth shall be the
+most probable.  It is fitted to the images of the tuning sequences of `wrong_poses` in which one of the ring's
+two circles is right, of events at both looks.  data/results/yaw-weights.csv holds, for each set of sequences,
+how often the most probable normal and yaw are right: by the mask alone, and with the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import wrong_poses
+from choose_thresholds import right
+
+from lmmap.pipeline import outline, yaw
+from lmmap.provenance import DATA, save_table
+from lmmap.refinement.contour import Contour
+from lmmap.settings import OURS, PerCamera
+from lmmap.studies.metrics import normal_error_rad, position_error_m
+
+NEAR_RAD = np.deg2rad(4.0)  # of the true yaw: what shall be probable
+RIDGE = 1.0  # of standardised weights
+PORT, CAMERA = wrong_poses.PORT, wrong_poses.CAMERA
+
+
+def views(set_name: str, modality: str, weights: str) -> list[dict]:
+    """A row for each look whose ring is right: what speaks for each normal and yaw (2, yaws, 4), which of
+    them are true (2, yaws), and whether `yaw.fast_yaw` is right by mask, and by mask and image."""
+    estimator, rows = wrong_poses.on_masks(modality, OURS), []
+    for case in wrong_poses.cases(set_name, modality, weights):
+        for look in case.looks:
+            ring, _ = estimator.find_ring(look.masks[0])
+            if not isinstance(ring, Contour):
+                continue
+            estimator.masks, pair = look.masks, estimator.candidates(ring.ellipse)[:2]
+            normal_rad = normal_error_rad(pair, look.truth)
+            position_m = position_error_m(pair[0], look.truth)
+            if normal_rad.min() > OURS.right_normal_rad or position_m > OURS.right_position_m:
+                continue
+            reflectors = estimator.find_reflectors(look.image, pair)
+            fits = {"mask": yaw.fast_yaw(reflectors, pair, PORT, CAMERA),
+                    "both": yaw.fast_yaw(reflectors, pair, PORT, CAMERA, image=look.image)}  # fmt: skip
+            rows.append({
+                "set": set_name, "sequence": case.name, "light": case.light, "modality": modality,
+                "features": features(reflectors, look.image, pair),
+                "true": near_truth(pair, look.truth, normal_rad),
+                **{name: right(fit.T_cam_port, look.truth, PORT) for name, fit in fits.items()},
+            })  # fmt: skip
+    return rows
+
+
+def features(reflectors, image, pair) -> np.ndarray:
+    """Mean of the mask inside the markers, and `outline.support`, at every normal and yaw (2, yaws, 4)."""
+    seen = outline.support(image, pair, PORT, CAMERA, round(PORT.yaw_period_rad / OURS.yaw_step_rad))
+    return np.concatenate([yaw.marker_means(reflectors, pair, PORT, CAMERA)[..., None], seen], -1)
+
+
+def near_truth(pair, truth, normal_rad) -> np.ndarray:
+    """Which normals and yaws are `NEAR_RAD` from the truth, (2, yaws)."""
+    turn = np.swapaxes(pair.rotation, 1, 2) @ truth.rotation
+    true_rad = np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1])
+    period = PORT.yaw_period_rad
+    yaws = np.arange(0, period - OURS.yaw_step_rad / 2, OURS.yaw_step_rad)
+    off_rad = (yaws - true_rad[:, None] + period / 2) % period - period / 2
+    alike = normal_rad <= max(normal_rad.min() + np.deg2rad(2), 0)
+    return (np.abs(off_rad) <= NEAR_RAD) & alike[:, None]
+
+
+def multinomial_fit(features, true, ridge: float = RIDGE, steps: int = 40) -> np.ndarray:
+    """Weights (K,) of greatest penalised likelihood, of choices (N, M, K) of which some are true (N, M)."""
+    scale = features.std((0, 1))
+    x, w = features / scale, np.zeros(features.shape[-1])
+    for _ in range(steps):
+        z = x @ w
+        p = np.exp(z - z.max(1, keepdims=True))
+        p /= p.sum(1, keepdims=True)
+        q = np.where(true, p, 0)
+        q /= np.maximum(q.sum(1, keepdims=True), 1e-300)
+        mean = np.einsum("nm,nmk->nk", p, x)
+        gradient = (np.einsum("nm,nmk->nk", q, x) - mean).sum(0) - ridge * w
+        hessian = np.einsum("nm,nmk,nml->kl", p, x, x) - mean.T @ mean + ridge * np.eye(len(w))
+        w = w + 0.7 * np.linalg.solve(hessian, gradient)
+    return w / scale
+
+
+def main() -> None:
+    wrong_poses.make()
+    every = pd.DataFrame([row for s in wrong_poses.SETS for m in ("rgb", "event")
+                          for w in wrong_poses.WEIGHTS[s] for row in views(s, m, w)])  # fmt: skip
+    weights = {}
+    for modality in ("rgb", "event"):
+        chosen = every[every.set.str.endswith("tuning") & (every.modality == modality)]
+        x = np.stack([f.reshape(-1, f.shape[-1]) for f in chosen.features])
+        fitted = multinomial_fit(x, np.stack([t.ravel() for t in chosen.true]))
+        weights[modality] = tuple(fitted.round(2).tolist())
+    print("yaw_weights", replace(OURS, yaw_weights=PerCamera(**weights)).yaw_weights)
+    groups = every.groupby(["set", "modality", "light"], sort=False)
+    table = (100 * groups[["mask", "both"]].mean()).add_suffix("_right_percent")
+    table = table.assign(images=groups.size()).reset_index()
+    print(table.round(1).to_string())
+    save_table(DATA / "results" / "yaw-weights.csv", table, sequences=wrong_poses.SEQUENCES)
+
+
+if __name__ == "__main__":
+    main()
