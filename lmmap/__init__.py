@@ -19,6 +19,7 @@ _HOME = {
     "Trajectory": "types",
     "Estimator": "pipeline.estimator",
     "PrintedEstimator": "pipeline.printed",
+    "Tracker": "tracking.tracker",
     "circle": "pipeline.circle",
     "draw": "pages.overlay",
     "ellipse": "pipeline.ellipse",

@@ -133,6 +133,11 @@ class Settings(PaperSettings):
     confidence_yaw: tuple[float, ...] = (-3.19, 0.408, -0.437, 5.894)  # that the yaw is right, if they are
     min_confidence: float = 0.75  # below, the status is `UNSURE` and there is no pose
 
+    # tracking, image by image
+    crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look
+    min_tracked_confidence: float = 0.2  # of a pose where the track expects it; benchmarks/track_rates.py
+    full_frame_every: int = 20  # images: one a second of the bench's frames
+
     # errors of a pose that one may dock on
     right_position_m: float = 0.020
     right_normal_rad: float = float(np.deg2rad(5.0))

@@ -15,6 +15,7 @@ from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, local_search, yaw
+from .follow import Expected, follow, mask_within
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
@@ -69,8 +70,11 @@ class Estimator:
             load_networks(weights, modality, precision) if named else weights
         )
 
-    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+    def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of one image; a failed measurement is a status, not an exception.
+
+        A ring that is expected (``near``, in pixels of `grid`) is looked for there alone, and ``printed`` is
+        left out.
 
         Raises
         ------
@@ -79,7 +83,7 @@ class Estimator:
             images are refused.  BGR cannot be told from RGB.
         """
         check_image(image, self.modality, self.camera)
-        estimate = self.on_grid(resample(image, self.grid), t_us)
+        estimate = self.on_grid(resample(image, self.grid), t_us, near)
         if estimate.ellipse is None:
             return estimate
         return replace(estimate, ellipse=ellipse_in(estimate.ellipse, self.grid, self.camera))
@@ -88,14 +92,14 @@ class Estimator:
         """The ring's mask (H, W) in the pixels of an image of the camera."""
         return resample(self.ring_network(resample(image, self.grid)), self.camera)
 
-    def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+    def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
-        ring_mask = self.ring_network(image)
-        ring, coverage = self.find_ring(ring_mask)
+        ring_mask = mask_within(self.ring_network, image, *near[1:]) if near else self.ring_network(image)
+        ring, coverage = self.find_ring(ring_mask, near)
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
-        reflectors = self.find_reflectors(image, candidates)
+        reflectors = self.find_reflectors(image, candidates[:2] if near else candidates)
         best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, image)
         if best.score < self.settings.min_marker_score:
             unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
@@ -103,10 +107,12 @@ class Estimator:
             return Estimate(t_us, Status.NO_MARKERS, ring=candidates[0], twin=candidates[1], ellipse=fitted,
                             arc_coverage=coverage, marker_score=best.score,
                             covariance=known.covariance)  # fmt: skip
-        printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings)
+        printed = None
+        if near is None:
+            printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings).T_cam_port
         T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
         confidence = self.confidence(T_cam_port, covariance, best, image, ring_mask, reflectors)
-        estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed.T_cam_port, fitted, coverage,
+        estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage,
                             best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
                             confidence=confidence)  # fmt: skip
         if confidence >= self.settings.min_confidence:
@@ -150,11 +156,16 @@ class Estimator:
             yaw_sigma_rad, self.settings.merged_sigmas,
         )  # fmt: skip
 
-    def find_ring(self, mask: np.ndarray) -> tuple[Contour | Status, float]:
+    def find_ring(self, mask: np.ndarray, near: Expected | None = None) -> tuple[Contour | Status, float]:
         """The ring's contour, free of lens distortion, and its arc coverage; or why there is none.
 
-        It is looked for among the mask's sure blobs, and if they hold none, in all of it.
+        It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
+        of it.
         """
+        if near is not None:
+            width_px = self.strip_px(near.ellipse)
+            if found := follow(near.ellipse, mask, width_px, self.grid, self.settings):
+                return found
         for peak_share in (self.settings.peak_share, 0.0):
             points = skeleton_points(mask, self.settings.mask_threshold, peak_share)
             if len(points) < self.settings.min_ring_pixels:
@@ -167,14 +178,16 @@ class Estimator:
             status = Status.NO_ELLIPSE
         else:
             return status, 0.0
-        p = self.port
-        stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * fitted.semi_axes_px[0]
-        found = contour.trace(
-            fitted, mask, self.settings.contour_half_width * stroke_px, self.grid, self.settings
-        )
+        found = contour.trace(fitted, mask, self.strip_px(fitted), self.grid, self.settings)
         found = found or contour.from_points(fitted, points[inliers])
         found = replace(found, score=contour.score(found.ellipse, mask, self.grid))
         return found, ellipse.arc_coverage(found.ellipse, points)
+
+    def strip_px(self, ring: Ellipse) -> float:
+        """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""
+        p = self.port
+        stroke_px = (p.ring_outer_radius_m - p.ring_inner_radius_m) / p.ring_radius_m * ring.semi_axes_px[0]
+        return float(self.settings.contour_half_width * stroke_px)
 
     def find_ellipse(self, points_px, mask: np.ndarray) -> tuple[Ellipse | None, np.ndarray]:
         """The ring's ellipse among a mask's points (M, 2), and which of them lie on it (M,)."""

@@ -134,7 +134,11 @@ class MaskNetwork:
         if not np.all(np.isfinite(image)):
             raise ValueError("MaskNetwork: the image holds NaN or infinite values")
         x = encode(image[None], self.modality).to(dtype=self._dtype, memory_format=torch.channels_last)
-        return torch.sigmoid(self._net(x)[0, 0].float()).numpy()
+        logits = np.ascontiguousarray(self._net(x)[0, 0].float().numpy())
+        with np.errstate(
+            over="ignore"
+        ):  # torch's sigmoid rounds the ends of rows otherwise than their middle
+            return 1 / (1 + np.exp(-logits))
 
 
 def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:

@@ -71,7 +71,10 @@ class Fusion:
         for camera, e in seen.items():
             if np.shape(e.covariance) != (6, 6) or not np.all(np.isfinite(e.covariance)):
                 raise ValueError(f"estimates: expected a finite covariance (6, 6), got another from {camera}")
-        track, whole = self._at(t_us), [camera for camera, e in seen.items() if e.T_cam_port is not None]
+        track, whole = (
+            self.predicted(t_us),
+            [camera for camera, e in seen.items() if e.T_cam_port is not None],
+        )
         if track is None and whole:
             first = min(whole, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
             e = seen.pop(first)
@@ -90,11 +93,16 @@ class Fusion:
             S = np.linalg.inv(information)
             self.state, self.seen_us = track.correct(S @ vector, S), self.seen_us | taken
 
+    def fits(self, e: Estimate) -> bool:
+        """Whether there is a track, and the estimate or its rival keeps the gate about it."""
+        track = self.predicted(e.t_us)
+        return track is not None and e.covariance is not None and self._match(track, e) is not None
+
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
         was, when last seen, less known than by a guess: a camera's pose may have a guessed yaw, but rings
         alone do not go on with it."""
-        track = self._at(t_us)
+        track = self.predicted(t_us)
         if track is None:
             status = max(self._statuses.values(), key=_progress, default=Status.NO_RING)
             return Estimate(t_us, Status.NO_RING if status == Status.OK else status)
@@ -103,7 +111,8 @@ class Fusion:
             return Estimate(t_us, Status.NO_MARKERS)
         return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.pose_covariance)
 
-    def _at(self, t_us: int) -> MotionState | None:
+    def predicted(self, t_us: int) -> MotionState | None:
+        """The track's state at a time not before its own; None while there is no track."""
         if self.state is None or t_us - max(self.seen_us.values()) > 1e6 * self.motion.lost_s:
             return None
         return self.state.predict(t_us)

@@ -19,6 +19,7 @@ class Status(StrEnum):
     NO_ELLIPSE = "no_ellipse"  # no ellipse of sensible size, shape and arc coverage
     NO_MARKERS = "no_markers"  # a ring, but no marker where the port has one
     UNSURE = "unsure"  # a pose, but the masks hardly support it
+    PREDICTED = "predicted"  # a tracker's pose that the image does not support: from earlier images alone
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Estimate:
     status : Status
         ``ok``, or why there is no pose.
     T_cam_port : Pose or None
-        The port in the camera's frame; None unless the status is ``ok``.
+        The port in the camera's frame; None unless the status is ``ok`` or ``predicted``.
     rival : Pose or None
         The best pose with the circle's other normal.
     printed : Pose or None
@@ -56,6 +57,8 @@ class Estimate:
         Probability that the pose is right (`verify.confidence`), in [0, 1]; 0 where none was found.
     doubtful : Pose or None
         The pose that is not reported because its confidence is too low: of status ``unsure``.
+    predicted : Pose or None
+        Of a tracker: where it expected the port before it looked at the image.
     """
 
     t_us: int
@@ -74,6 +77,7 @@ class Estimate:
     twin: Pose | None = None
     confidence: float = 0.0
     doubtful: Pose | None = None
+    predicted: Pose | None = None
 
     def _repr_html_(self) -> str:
         """A small table, as notebooks show it."""

@@ -1,0 +1,41 @@
+"""Where a predicted port's ring can be seen: the expected ellipse, and a box that its uncertainty widens."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..geometry.conics import circle_ellipse
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
+from ..pipeline.estimator import Estimator
+from ..pipeline.follow import Expected
+from ..types import Pose
+from .motion_model import MotionState
+
+
+def expected_ring(state: MotionState, estimator: Estimator) -> Expected | None:
+    """The ring of a predicted state in the pixels of an estimator's grid; None if it is not all before the
+    camera, or its box is outside the image.
+
+    The box holds the strip in which the contour is traced, and ``crop_sigmas`` standard deviations of the
+    ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
+    """
+    camera, port = estimator.grid, estimator.port
+    poses = _standard_deviations(state)
+    points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
+    ellipse = circle_ellipse(state.T_cam_port, port.ring_radius_m, camera)
+    if not (np.isfinite(points_px).all() and np.isfinite(ellipse.semi_axes_px).all()):
+        return None
+    sigma_px = np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
+    margin_px = estimator.settings.crop_sigmas * sigma_px + estimator.strip_px(ellipse) + 1
+    low_px, high_px = (points_px[0] - margin_px).min(0), (points_px[0] + margin_px).max(0)
+    outside = np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1)
+    return None if outside else Expected(ellipse, low_px, high_px)
+
+
+def _standard_deviations(state: MotionState) -> Pose:
+    """The state's pose, and that moved by each column of its covariance's root, (7,)."""
+    steps = np.vstack([np.zeros(6), np.linalg.cholesky(state.pose_covariance).T])
+    turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
+    return Pose(turn @ state.T_cam_port.rotation, state.T_cam_port.position_m + steps[:, :3])

@@ -1,0 +1,61 @@
+"""Following a ring: masks in crops are those of the whole image, and the mask alone decides."""
+
+import numpy as np
+import pytest
+import torch
+from strategies import CAMERA, PORT, pose
+
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import ideal_masks
+from lmmap.pipeline.follow import follow, mask_within
+from lmmap.pipeline.weights import load_network, weight_path
+from lmmap.types import Ellipse
+
+T0 = pose((180, 120), 0.6, 0.5, 0.8)
+RING, MASK = circle_ellipse(T0, PORT.ring_radius_m, CAMERA), ideal_masks(T0, PORT, CAMERA)[0]
+WIDTH_PX = 12.0
+
+
+@pytest.fixture
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+@pytest.mark.parametrize("corner, size", [((30, 25), (61, 50)), ((-4, 90), (40, 40)), ((100, 70), (90, 80))])
+def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(modality, corner, size, one_thread):
+    network = load_network(weight_path("ring", modality, "low"), modality, "float32")
+    shape = (130, 170, 3) if modality == "rgb" else (130, 170)
+    image = np.random.default_rng(2).integers(0, 256 if modality == "rgb" else 7, shape).astype(np.uint8)
+    low, high = np.array(corner) + 0.5, np.array(corner) + size
+    part, full = mask_within(network, image, low, high), network(image)
+    box = np.zeros(full.shape, bool)
+    box[max(corner[1], 0) : corner[1] + size[1] + 1, max(corner[0], 0) : corner[0] + size[0] + 1] = True
+    np.testing.assert_array_equal(part[box], full[box])
+    assert not part[~box].any() and full[~box].any()
+
+
+@pytest.mark.parametrize("step_px", [(0.0, 0.0), (4.0, -3.0), (-5.0, 2.0)])
+def test_from_nearby_the_same_contour_is_reached(step_px):
+    start = Ellipse(RING.centre_px + step_px, 1.03 * RING.semi_axes_px, RING.angle_rad)
+    found, coverage = follow(start, MASK, WIDTH_PX, CAMERA)
+    np.testing.assert_allclose(found.ellipse.centre_px, RING.centre_px, atol=0.15)
+    np.testing.assert_allclose(found.ellipse.semi_axes_px, RING.semi_axes_px, atol=0.15)
+    assert coverage > 0.95
+
+
+def test_an_expectation_is_no_evidence():
+    u = np.arange(CAMERA.width_px)
+    third = np.where(u < RING.centre_px[0] - 0.3 * RING.semi_axes_px[0], MASK, 0)
+    for mask in (0 * MASK, third, 0.2 * MASK):
+        assert follow(RING, mask, WIDTH_PX, CAMERA) is None
+
+
+def test_gates_on_size_and_shape_hold_as_for_any_ring():
+    far, flat = pose((180, 120), 2.6, 0.2), pose((180, 120), 0.6, 1.35)
+    for T in (far, flat):
+        ring, mask = circle_ellipse(T, PORT.ring_radius_m, CAMERA), ideal_masks(T, PORT, CAMERA)[0]
+        assert follow(ring, mask, 3.0, CAMERA) is None

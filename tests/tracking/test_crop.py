@@ -1,0 +1,47 @@
+"""Where a predicted ring can be seen: its box holds what the state does not know."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from strategies import CAMERA, PORT, pose
+
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
+from lmmap.pipeline.estimator import Estimator
+from lmmap.tracking.crop import expected_ring
+from lmmap.tracking.motion_model import MotionState
+from lmmap.types import Pose
+
+BLANK = lambda image: np.zeros(image.shape[:2], np.float32)  # noqa: E731
+ESTIMATOR = Estimator(CAMERA, PORT, weights=(BLANK, BLANK))
+T0 = pose((180, 120), 0.6, 0.5, 0.8)
+SPREAD = np.array([4e-3, 6e-3, 10e-3, 0.05, 0.03, 0.08])
+
+
+def state(T=T0, scale=1.0):
+    return MotionState.start(0, T, np.diag(scale * SPREAD) ** 2)
+
+
+def test_the_box_holds_the_rings_of_nearly_all_poses_that_the_state_allows():
+    rng, near = np.random.default_rng(0), expected_ring(state(), ESTIMATOR)
+    outside = 0
+    for _ in range(400):
+        step = SPREAD * rng.standard_normal(6)
+        T = Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T0.rotation, T0.position_m + step[:3])
+        points_px = project(T @ circle_points_m(PORT.ring_outer_radius_m), CAMERA)
+        outside += np.any(points_px < near.low_px) or np.any(points_px > near.high_px)
+    assert outside <= 2
+
+
+def test_what_is_known_exactly_needs_no_more_than_the_strip():
+    near, points_px = expected_ring(state(scale=1e-6), ESTIMATOR), expected_ring(state(), ESTIMATOR)
+    strip_px = ESTIMATOR.strip_px(near.ellipse) + 1
+    ring_px = near.ellipse.points(720)
+    np.testing.assert_allclose(ring_px.min(0) - near.low_px, strip_px, atol=0.5)
+    np.testing.assert_allclose(near.high_px - ring_px.max(0), strip_px, atol=0.5)
+    assert np.all(points_px.low_px < near.low_px) and np.all(points_px.high_px > near.high_px)
+
+
+@pytest.mark.parametrize("position_m", [(0, 0, -0.5), (0, 0, 0.03), (3.0, 0, 0.5)])
+def test_nothing_is_expected_behind_the_camera_or_beside_the_image(position_m):
+    assert expected_ring(state(Pose(T0.rotation, position_m)), ESTIMATOR) is None

@@ -1,0 +1,200 @@
+"""Promises of the tracker, on ideal masks: what it answers and claims, how it loses the port and finds it."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from strategies import PORT, pose
+
+from lmmap.geometry.port import ideal_masks
+from lmmap.geometry.rotations import rotation_between_rad
+from lmmap.pipeline.estimator import Estimator
+from lmmap.settings import OURS
+from lmmap.tracking.tracker import Tracker
+from lmmap.types import Camera, Pose, Status
+
+CAMERA = Camera(160, 120, 324.0, 324.0, 79.5, 59.5)
+SETTINGS = replace(OURS, min_confidence=0.0)  # the images are blank: only the masks speak
+STEP_US = 50_000
+
+
+class Scene:
+    """Poses (None: no port) by number of the image; images tell their number and the place of each pixel."""
+
+    def __init__(self, poses):
+        self.poses, self.pixels = poses, []
+        blank = np.zeros((2, CAMERA.height_px, CAMERA.width_px), np.float32)
+        self.masks = [blank if T is None else ideal_masks(T, PORT, CAMERA) for T in poses]
+
+    def image(self, k: int) -> np.ndarray:
+        v, u = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
+        return np.stack([np.full_like(u, k), u, v], -1).astype(np.uint8)
+
+    def histogram(self, k: int) -> np.ndarray:
+        return self.image(k).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+
+    def estimator(self, modality="rgb") -> Estimator:
+        return Estimator(CAMERA, PORT, modality, (_Network(self, 0), _Network(self, 1)), SETTINGS)
+
+
+class _Network:
+    """Gives the ideal mask of an image or of its crop; what it gives is local, so crops are exact."""
+
+    stride_px, inputs_of = 8, staticmethod(lambda first, last: (first, last))
+
+    def __init__(self, scene: Scene, kind: int):
+        self.scene, self.kind = scene, kind
+
+    def __call__(self, image):
+        height, width = image.shape[:2]
+        if self.kind == 0:
+            self.scene.pixels.append(height * width)
+        code = int(image[0, 0]) if image.ndim == 2 else int(image[0, 0] @ [1 << 16, 1 << 8, 1])
+        k, left, top = code >> 16, code >> 8 & 255, code & 255
+        return self.scene.masks[k][self.kind][top : top + height, left : left + width]
+
+
+def approach(count: int, start_m=1.05) -> list[Pose]:
+    """A port that comes nearer while it turns."""
+    return [pose((78 + 0.4 * k, 60), start_m - 0.004 * k, 0.4, 0.5, 0.02 * k, CAMERA) for k in range(count)]
+
+
+def right(e, T) -> bool:
+    if e.status != Status.OK:
+        return False
+    near = np.linalg.norm(e.T_cam_port.position_m - T.position_m) < OURS.right_position_m
+    turned_rad = rotation_between_rad(e.T_cam_port.rotation, T.rotation, PORT.yaw_period_rad)
+    return bool(near and turned_rad < OURS.right_normal_rad)
+
+
+def track(scene: Scene, numbers=None) -> list:
+    tracker = Tracker(scene.estimator())
+    return [tracker(scene.image(k), STEP_US * k) for k in numbers or range(len(scene.poses))]
+
+
+def test_a_port_is_followed_in_crops():
+    scene = Scene(approach(12))
+    assert all(right(e, T) for e, T in zip(track(scene), scene.poses, strict=True))
+    whole = CAMERA.width_px * CAMERA.height_px
+    assert scene.pixels[0] == whole and max(scene.pixels[3:]) < 0.6 * whole
+
+
+def test_what_was_predicted_is_told():
+    scene = Scene(approach(4))
+    first, *others = track(scene)
+    assert first.predicted is None
+    for e, T in zip(others, scene.poses[1:], strict=True):
+        assert np.linalg.norm(e.predicted.position_m - T.position_m) < 0.02
+
+
+def test_nothing_is_ok_that_no_image_shows():
+    scene = Scene([*approach(6), *[None] * 8])
+    answers = track(scene)
+    assert [e.status for e in answers[:6]] == [Status.OK] * 6
+    assert answers[6].status == Status.PREDICTED and answers[6].T_cam_port is not None
+    assert Status.OK not in [e.status for e in answers[6:]]
+    assert (answers[-1].status, answers[-1].T_cam_port) == (Status.NO_RING, None)
+
+
+@pytest.mark.parametrize("hidden", [1, 2, 6])
+def test_after_a_loss_the_port_is_found_within_two_images_wherever_it_is(hidden):
+    elsewhere = [pose((95, 50), 0.9, 0.5, 2.0, 0.7, CAMERA)] * 4
+    scene = Scene([*approach(5), *[None] * hidden, *elsewhere])
+    answers = track(scene)[5 + hidden :]
+    assert any(right(e, elsewhere[0]) for e in answers[:2]) and all(
+        right(e, elsewhere[0]) for e in answers[2:]
+    )
+
+
+def test_a_pose_that_contradicts_the_track_is_not_believed_once_but_twice():
+    jump = pose((60, 70), 0.9, 0.5, 2.0, 0.7, CAMERA)
+    once, twice = (track(Scene([*approach(5), *[jump] * n, *approach(9)[5 + n :]])) for n in (1, 2))
+    assert once[5].status == Status.PREDICTED and right(once[6], approach(9)[6])
+    assert right(twice[6], jump)
+
+
+def test_a_gap_ends_the_track_and_not_the_tracker():
+    scene = Scene(approach(8))
+    numbers = [0, 1, 2, 7]
+    tracker = Tracker(scene.estimator())
+    times_us = [0, STEP_US, 2 * STEP_US, 3_600_000_000]
+    answers = [tracker(scene.image(k), t) for k, t in zip(numbers, times_us, strict=True)]
+    assert all(right(e, scene.poses[k]) for e, k in zip(answers, numbers, strict=True))
+    alone = scene.estimator()(scene.image(7))
+    np.testing.assert_allclose(answers[-1].T_cam_port.position_m, alone.T_cam_port.position_m, atol=1e-12)
+
+
+@pytest.mark.parametrize("t_us", [STEP_US, 12_345])
+def test_times_that_repeat_or_go_back_are_named(t_us):
+    scene = Scene(approach(3))
+    tracker = Tracker(scene.estimator())
+    tracker(scene.image(0), STEP_US)
+    with pytest.raises(ValueError, match=f"later than {STEP_US} us, got {t_us} us"):
+        tracker(scene.image(1), t_us)
+    with pytest.raises(ValueError, match=f"expected {STEP_US} or later, got 7"):
+        tracker.at(7)
+
+
+def test_between_images_the_pose_is_a_prediction_that_gets_looser():
+    scene = Scene(approach(6))
+    tracker = Tracker(scene.estimator())
+    answers = [tracker(scene.image(k), STEP_US * k) for k in range(6)]
+    last_us = 5 * STEP_US
+    assert tracker.at(last_us).status == Status.OK
+    np.testing.assert_array_equal(tracker.at(last_us).covariance, answers[-1].covariance)
+    later = [tracker.at(last_us + dt) for dt in (5_000, 40_000)]
+    assert {e.status for e in later} == {Status.PREDICTED}
+    volumes = [np.linalg.slogdet(e.covariance)[1] for e in (answers[-1], *later)]
+    assert np.all(np.diff(volumes) > 0)
+    assert tracker.at(last_us + 10_000_000).T_cam_port is None
+
+
+def test_a_whole_image_is_looked_at_now_and_then():
+    scene = Scene([approach(1)[0]] * 11)
+    estimator = scene.estimator()
+    estimator.settings = replace(SETTINGS, full_frame_every=4)
+    tracker = Tracker(estimator)
+    for k in range(11):
+        tracker(scene.image(k), STEP_US * k)
+    full = np.flatnonzero(np.array(scene.pixels) == CAMERA.width_px * CAMERA.height_px)
+    np.testing.assert_array_equal(full, [0, 4, 8])
+
+
+def test_eight_threads_answer_as_one():
+    scene = Scene(approach(8))
+    estimator = scene.estimator()
+
+    def run(_):
+        tracker = Tracker(estimator)
+        return [tracker(scene.image(k), STEP_US * k).T_cam_port for k in range(8)]
+
+    with ThreadPoolExecutor(8) as pool:
+        first, *others = pool.map(run, range(8))
+    for other in others:
+        for a, b in zip(first, other, strict=True):
+            np.testing.assert_array_equal(a.position_m, b.position_m)
+            np.testing.assert_array_equal(a.rotation, b.rotation)
+
+
+def test_both_cameras_make_one_track():
+    scene = Scene(approach(10))
+    tracker = Tracker(scene.estimator("rgb"), scene.estimator("event"))
+    alone = Tracker(scene.estimator("rgb"))
+    for k in range(10):
+        frame, both = scene.image(k), tracker(scene.image(k), STEP_US * k)
+        one = alone(frame, STEP_US * k)
+        events = tracker(scene.histogram(k), STEP_US * k)
+        assert right(both, scene.poses[k]) and right(events, scene.poses[k])
+    assert np.linalg.slogdet(events.covariance)[1] < np.linalg.slogdet(one.covariance)[1]
+
+
+def test_misuse_is_named():
+    scene = Scene(approach(1))
+    rgb = scene.estimator()
+    with pytest.raises(ValueError, match="estimators: expected one for each kind of image"):
+        Tracker(rgb, rgb)
+    with pytest.raises(ValueError, match="estimators: expected the same camera"):
+        Tracker(rgb, Estimator(modality="event", weights=(np.sqrt, np.sqrt)))
+    with pytest.raises(ValueError, match=r"image: expected one of \['rgb'\], got shape \(120, 160\)"):
+        Tracker(rgb)(scene.histogram(0), 0)
