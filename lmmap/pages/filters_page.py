@@ -9,10 +9,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from ..bench import labels
 from ..pipeline import ellipse
 from ..pipeline.ring import binarise, skeleton_points
-from ..types import Ellipse
-from .drawings import COLOUR
+from ..settings import OURS, Settings
+from ..types import Camera, Ellipse, Port, Pose
+from .drawings import COLOUR, show_image
 from .sliders import Step
 
 FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)", "stray": "astray", "missed": "missed"}
@@ -69,6 +71,32 @@ def mask_errors(predicted, truth) -> np.ndarray:
     for pixels, colour in classes:
         picture[pixels] = matplotlib.colors.to_rgb(COLOUR[colour])
     return picture
+
+
+def judge_masks(
+    image, modality: str, T_cam_port: Pose, networks, port: Port, settings: Settings = OURS
+) -> np.ndarray:
+    """Picture (H, W, 3) of what the masks of ring and markers have right, too much, and missed.
+
+    ``networks`` are those of the ring and the markers, by ``(filter, modality)``.
+    """
+    ring, markers = (networks[name, modality](image) for name in ("ring", "reflector"))
+    guess = binarise(ring), markers > settings.mask_threshold
+    truth = labels.label_masks(T_cam_port, port, Camera.davis346())
+    return np.maximum(*map(mask_errors, guess, truth))
+
+
+def draw_masks(axes, pictures, networks, port: Port) -> None:
+    """Each picture, and beside it its `judge_masks`.
+
+    Parameters
+    ----------
+    axes : (N, 2)
+    pictures : N tuples of a title, the modality, the image, and the true pose
+    """
+    for (left, right), (title, modality, image, T_cam_port) in zip(axes, pictures, strict=True):
+        show_image(left, image, title)
+        show_image(right, judge_masks(image, modality, T_cam_port, networks, port))
 
 
 def filter_table(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
