@@ -22,6 +22,10 @@ CAMERA = "camera.json"  # the calibration that a folder of bags shares
 class InputError(Exception):
     """Bad input from outside: the message names the file, the problem and the remedy."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the message alone, as on the command line."""
+        return [f"InputError: {self}"]
+
 
 def regular_file(path, max_bytes: int | None = None) -> Path:
     """The path of a regular file of at most ``max_bytes``; raises `InputError`.

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .files import write_text
+from .files import InputError, write_text
 
 PACKAGE = Path(__file__).resolve().parent
 CHECKOUT = (PACKAGE.parent / "pyproject.toml").exists()
@@ -32,6 +32,17 @@ PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image",
 def profile() -> str:
     """The profile whose results the book shows: that of ``make reproduce``, by default ``quick``."""
     return os.environ.get("PROFILE", "quick")
+
+
+def made_results() -> Path:
+    """The folder of the profile's results; `InputError` before ``make reproduce`` has made them."""
+    folder = DERIVED_DATA / profile()
+    if not (folder / "summary.csv").exists():
+        command = "make reproduce" + ("" if profile() == "quick" else f" PROFILE={profile()}")
+        raise InputError(
+            f"{folder}: no results yet; run '{command}' in the checkout, then this chapter again"
+        )
+    return folder
 
 
 @cache

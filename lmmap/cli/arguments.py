@@ -30,6 +30,10 @@ INFO = """examples:
   lmmap info run.aedat4
   lmmap info run.bag --camera camera.yaml --json
 """
+PICTURES = """examples:
+  lmmap pictures paper.pdf -o drawn                   its pictures, each through several focal lengths
+  lmmap pictures photos -o drawn --modality rgb
+"""
 LIVE = """examples:
   lmmap live --modality event --camera camera.json            from an attached camera; Ctrl-C ends it
   lmmap live demo.aedat4 --modality rgb --seconds 5           a recording, in the time that it took
@@ -136,6 +140,19 @@ def _add_recordings(commands: Commands) -> None:
     )
     commands.add_recording(command)
     command.add_argument("--json", action="store_true", help="print JSON")
+
+    command = commands.add(
+        "pictures",
+        "lmmap.cli.pictures:pictures",
+        "draw the port that each set of mask networks finds in pictures of unknown lenses",
+        PICTURES,
+    )
+    commands.add_file(command, "source", metavar="PDF-or-FOLDER", help="a PDF, or a folder of pictures")
+    command.add_argument("--modality", choices=MODALITIES, help="frames or histograms (default: try both)")
+    commands.add_file(command, "--port", help="geometry of another port (JSON)")
+    commands.add_output(
+        command, "folder for the drawings, one a picture and camera", required=True, metavar="FOLDER"
+    )
 
     command = commands.add(
         "live",

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..pipeline.run import timed_images
 from ..recordings.formats import open_recording, read_estimates
-from ..studies.metrics import position_error_m
+from ..studies.metrics import position_error_m, rotation_error_rad
 from ..types import Estimate, Port, Recording
 from . import drawings
 from .tables import ANSWERS, CAMERAS
@@ -75,7 +75,7 @@ def save_tiles(recording: Recording, folder: Path, labels: dict[str, tuple[str, 
     files = []
     with plt.rc_context():
         drawings.use_style()
-        for (label, t_us), paint in _paintings(rows, folder, rate_hz, {recording.name: recording}):
+        for (label, t_us), paint in paintings(rows, folder, rate_hz, {recording.name: recording}):
             fig, ax = plt.subplots(figsize=(TILE_IN, TILE_IN))
             paint(ax)
             files.append(_tile(folder, label, t_us))
@@ -135,15 +135,16 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMN
     for ax in axes.ravel():
         ax.set_axis_off()
     at = {key: ax for key, ax in zip(zip(rows.label, rows.t_us, strict=True), axes.ravel(), strict=False)}
-    for key, paint in _paintings(rows, folder, rate_hz, {}):
+    for key, paint in paintings(rows, folder, rate_hz, {}):
         paint(at[key])
     return fig
 
 
-def _paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict) -> Iterator[tuple]:
+def paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict) -> Iterator[tuple]:
     """Yield ``(label, t_us)`` and a function that draws this image on axes.
 
-    Recordings that ``recordings`` does not hold are read from ``folder``.
+    The function takes the axes and, as keywords, another ``answer`` than that in ``folder`` and a ``title``
+    for it.  Recordings that ``recordings`` does not hold are read from ``folder``.
     """
     for (name, modality, label), images in rows.groupby(["sequence", "modality", "label"]):
         recording = recordings.get(name) or open_recording(folder / f"{name}.h5")
@@ -157,13 +158,17 @@ def _paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dic
                 yield (label, t_us), partial(_paint, image, answers[t_us], recording, where)
 
 
-def _paint(image, answer: Estimate, recording: Recording, where: str, ax) -> None:
-    truth = None if recording.truth is None else recording.truth.at(np.array([answer.t_us]))[0]
-    drawings.draw_estimate(ax, image, answer, Port.lm_map(), recording.camera, truth)
+def _paint(image, known: Estimate, recording: Recording, where: str, ax, answer: Estimate | None = None,
+           title: str = "") -> None:  # fmt: skip
+    answer, port = answer or known, Port.lm_map()
+    truth = None if recording.truth is None else recording.truth.at(np.array([known.t_us]))[0]
+    drawings.draw_estimate(ax, image, answer, port, recording.camera, truth)
     if answer.T_cam_port is None and answer.ellipse is not None:
         drawings.draw_ellipse(ax, answer.ellipse)
     result = ANSWERS[str(answer.status)]
     if answer.T_cam_port is not None and truth is not None:
-        result = f"{1e3 * position_error_m(answer.T_cam_port, truth):.1f} mm"
+        turn_deg = np.rad2deg(rotation_error_rad(answer.T_cam_port, truth, port.yaw_period_rad))
+        result = f"{1e3 * position_error_m(answer.T_cam_port, truth):.0f} mm, {turn_deg:.0f}°"
     ax.set_axis_off()
-    ax.set_title(f"{where}\n{answer.t_us * 1e-6:.1f} s: {result}", fontsize=8)
+    head = f"{title}: " if title else f"{answer.t_us * 1e-6:.1f} s: "
+    ax.set_title(f"{where}\n{head}{result}", fontsize=8)

@@ -16,6 +16,7 @@ from torch import nn
 from torch.nn import functional as F
 
 WIDTHS = (64, 128, 256)
+SATURATION = 8  # events of a pixel: more are not told apart
 STRIDE_PX = 2 ** len(WIDTHS)
 KERNEL = 3  # of every convolution, along each axis
 CHANNELS = {"rgb": 3, "event": 1}
@@ -100,12 +101,12 @@ def best_precision() -> str:
 def encode(images: np.ndarray, modality: str) -> torch.Tensor:
     """Network input (N, C, H, W) f32 in [0, 1] of RGB frames (N, H, W, 3) or histograms (N, H, W).
 
-    Frames are linear in light: the square root spreads their dark half.  Counts saturate at 8.
+    Frames are linear in light: the square root spreads their dark half.  Counts saturate at `SATURATION`.
     """
     x = torch.from_numpy(np.array(images, np.float32))  # a copy: recordings are read-only
     if modality == "rgb":
         return (x / 255).sqrt().movedim(-1, 1)
-    return (x.clamp(max=8) / 8).unsqueeze(1)
+    return (x.clamp(max=SATURATION) / SATURATION).unsqueeze(1)
 
 
 class MaskNetwork:

@@ -34,7 +34,7 @@ def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -
     rows = []
     for estimator, prefix in ESTIMATORS.items():
         has_pose = in_view[f"{prefix}position_error_m"].notna().to_numpy()
-        wrong = _is_wrong(in_view, prefix, settings)
+        wrong = is_wrong(in_view, prefix, settings)
         rows.append((estimator, has_pose, wrong))
         if estimator == "ours":
             rows.append(("certain", has_pose & in_view.certain.to_numpy(bool), wrong))
@@ -45,7 +45,8 @@ def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -
     } for estimator, has_pose, wrong in rows])  # fmt: skip
 
 
-def _is_wrong(table: pd.DataFrame, prefix: str, settings: Settings) -> np.ndarray:
+def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -> np.ndarray:
+    """Which poses of `pose_errors.errors` are off by more than one may dock with, (N,); none is not wrong."""
     limits = {
         "position_error_m": settings.right_position_m,
         "normal_error_deg": np.rad2deg(settings.right_normal_rad),

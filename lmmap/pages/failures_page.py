@@ -1,0 +1,115 @@
+"""What the chapter on failures shows: one image answered by the former estimator and by the present one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+
+from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.run import estimate_image, timed_images
+from ..recordings.formats import open_recording, read_estimates
+from ..studies.pose_errors import METRICS, errors
+from ..studies.right_and_wrong import is_wrong
+from ..types import Estimate, Port, Recording, Status
+from .gallery import paintings
+from .tables import CAMERAS
+
+MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
+SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
+
+
+def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: float) -> pd.DataFrame:
+    """A row for each image with the ring in view, as the former estimator answered it and as ours does.
+
+    The former one is ours without the limit on the confidence.  It differs where ours is `Status.UNSURE`, so
+    only these images are estimated again.
+
+    Parameters
+    ----------
+    folder
+        With ``NAME.h5`` and ``estimates-LABEL.csv``.
+    labels
+        ``(sequence, modality)`` by label, of filters of the low domain gap.
+    rate_hz
+        The estimates' rate.
+
+    Returns
+    -------
+    DataFrame
+        ``sequence, modality, label, t_us, status``, `METRICS` and ``wrong``; the last two also with the
+        prefix ``former_``; and ``former``, the estimate itself.
+    """
+    parts = []
+    for label, (name, modality) in labels.items():
+        recording, now = (
+            open_recording(folder / f"{name}.h5"),
+            read_estimates(folder / f"estimates-{label}.csv"),
+        )
+        again = _without_limit(
+            recording, modality, rate_hz, {e.t_us for e in now if e.status == Status.UNSURE}
+        )
+        before = [again.get(e.t_us, e) for e in now]
+        columns = ["t_us", "status", "in_view", *METRICS]
+        table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
+        table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)
+        former = (
+            former[[*METRICS, "wrong"]].add_prefix("former_").assign(former=_of_times(before, table.t_us))
+        )
+        table = table.assign(sequence=name, modality=modality, label=label)
+        parts.append(table.join(former).query("in_view"))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _without_limit(
+    recording: Recording, modality: str, rate_hz: float, t_us: set[int]
+) -> dict[int, Estimate]:
+    """By time, the estimates at some times, of an estimator that reports poses of any confidence."""
+    if not t_us:
+        return {}
+    settings = replace(settings_for(recording.camera), min_confidence=0.0)
+    estimator = Estimator(recording.camera, modality=modality, settings=settings)
+    images = timed_images(recording, modality, settings, rate_hz)
+    found = [estimate_image(estimator, image)[1] for image in images if image.times_us & t_us]
+    return {e.t_us: e for e in found}
+
+
+def _of_times(estimates: list[Estimate], times_us) -> list[Estimate]:
+    by_time = {e.t_us: e for e in estimates}
+    return [by_time[t_us] for t_us in times_us]
+
+
+def share_table(answers: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
+    """Right, wrong and absent poses in percent: a row per sequence of ``titles`` and camera."""
+    rows = []
+    for (name, modality), images in answers.groupby(["sequence", "modality"], sort=False):
+        cells = {"scene": titles[name], "camera": CAMERAS[modality], ("", "images"): len(images)}
+        for title, prefix in (("former", "former_"), ("present", "")):
+            pose, wrong = images[f"{prefix}position_error_m"].notna(), images[f"{prefix}wrong"].astype(bool)
+            shares = {"right": (pose & ~wrong).mean(), "wrong": wrong.mean(), "none": (~pose).mean()}
+            cells |= {(title, words): 100 * shares[key] for key, words in SHARES.items()}
+        rows.append(cells)
+    table = pd.DataFrame(rows).set_index(["scene", "camera"]).rename_axis(index=(None, None))
+    table.columns = pd.MultiIndex.from_tuples(table.columns)
+    return table[["former", "present", ""]]
+
+
+def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool = True):
+    """Figure of `both_answers`' rows, a column each, cut out around the ring: the present answer, below the
+    ``former`` one."""
+    lines = ("former", "now") if former else ("now",)
+    fig, axes = plt.subplots(len(lines), len(rows), figsize=(7.6, 2.2 * len(lines)), squeeze=False)
+    at = {
+        (row.label, row.t_us): (column, row.former)
+        for column, row in zip(axes.T, rows.itertuples(), strict=True)
+    }
+    for key, paint in paintings(rows, folder, rate_hz, {}):
+        column, before = at[key]
+        for ax, line in zip(column, lines, strict=True):
+            paint(ax, answer=before if line == "former" else None, title=line)
+            (u, v), half = before.ellipse.centre_px, MARGIN * before.ellipse.semi_axes_px[0]
+            ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))
+    return fig

@@ -1,0 +1,46 @@
+"""The former and the present answers to the same images."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lmmap.pages import failures_page
+from lmmap.pipeline.estimator import Estimator, settings_for
+from lmmap.pipeline.run import estimate
+from lmmap.provenance import DATA
+from lmmap.recordings.formats import open_recording, write_estimates, write_recording
+from lmmap.types import Status
+
+LABELS = {"mini-rgb": ("mini", "rgb")}
+
+
+def answered(folder, min_confidence: float):
+    """Both answers, where the present estimator has this limit."""
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    write_recording(recording, folder / "mini.h5")
+    settings = replace(settings_for(recording.camera), min_confidence=min_confidence)
+    estimator = Estimator(recording.camera, modality="rgb", settings=settings)
+    write_estimates(list(estimate(recording, estimator, 5)), folder / "estimates-mini-rgb.csv")
+    return failures_page.both_answers(folder, LABELS, 5)
+
+
+def test_without_a_limit_the_former_and_the_present_answers_are_the_same(tmp_path):
+    answers = answered(tmp_path, 0.0)
+    assert len(answers) >= 4 and answers.position_error_m.notna().all()
+    np.testing.assert_array_equal(answers.former_position_error_m, answers.position_error_m)
+
+
+def test_what_the_limit_refuses_the_former_estimator_reports(tmp_path):
+    free = answered(tmp_path, 0.0)
+    strict = answered(tmp_path, 1.1)  # no probability is that high
+    assert set(strict.status) == {Status.UNSURE} and strict.position_error_m.isna().all()
+    np.testing.assert_allclose(strict.former_position_error_m, free.position_error_m, atol=1e-6)
+
+    shares = failures_page.share_table(strict, {"mini": "a second"})
+    assert shares.loc[("a second", "frames"), ("former", "right (%)")] == 100
+    assert shares.loc[("a second", "frames"), ("present", "no pose (%)")] == 100
+
+    fig = failures_page.draw_answers(strict.head(2), tmp_path, 5)
+    titles = [ax.get_title() for ax in fig.axes]
+    assert len(titles) == 4 and sum("former: " in title for title in titles) == 2
+    assert sum("now: unsure" in title for title in titles) == 2
