@@ -110,7 +110,7 @@ def outlined(look: Look, size_px) -> dict:
     active = (look.ring_mask > OURS.mask_threshold).astype(np.uint8)
     shapes = cv2.findContours(active, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]
     kept = [cv2.approxPolyDP(c, 0.7, True)[:, 0] for c in shapes if cv2.contourArea(c) > 12]
-    mask = [np.round((shape + 0.5) * scale - 0.5, 1).tolist() for shape in kept]
+    mask = [" ".join(f"{u:.1f},{v:.1f}" for u, v in (shape + 0.5) * scale - 0.5) for shape in kept]
     return {"ellipse": _as_list(look.ellipse_in(size_px)), "mask": mask, "status": str(look.estimate.status)}
 
 
