@@ -15,6 +15,7 @@ ESTIMATE = """examples:
   lmmap estimate run.bag --modality rgb --camera camchain.yaml -o poses.csv
   lmmap estimate run.aedat4 --modality event -o poses.csv --video overlay.mp4
   lmmap estimate run.aedat4 --modality event -o poses.csv --resume     after Ctrl-C
+  lmmap estimate run.aedat4 --modality fused --track -o poses.csv      faster: each image where it is expected
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum       a trajectory in TUM's format
   lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
 """
@@ -106,6 +107,11 @@ def _add_recordings(commands: Commands) -> None:
     )
     commands.add_file(
         command, "--video", help="overlay to write, .mp4 or .avi; takes two or three times as long"
+    )
+    command.add_argument(
+        "--track",
+        action="store_true",
+        help="look where the images before predict the port, one after another",
     )
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")

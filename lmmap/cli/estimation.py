@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import heapq
 import json
 from collections import Counter
 from collections.abc import Iterator
@@ -19,7 +20,8 @@ from ..recordings.pose_files import as_read
 from ..recordings.stream import Stream
 from ..studies import pose_errors
 from ..tracking.fusion import fuse
-from ..types import Estimate, InputError
+from ..tracking.tracker import Tracker, track_images
+from ..types import Estimate, InputError, Status
 from .inputs import input_files, make_estimator, no_images, open_input
 from .progress import Bar, summary
 
@@ -30,10 +32,13 @@ def estimate(a) -> None:
         raise InputError(
             f"{a.video}: a video cannot be resumed; leave --video out, and draw it with lmmap draw"
         )
+    if a.track and a.resume:
+        raise InputError(f"{a.output}: a track cannot be resumed; leave --resume out, and give --overwrite")
     if a.video and a.modality == "fused":
         raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
     a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
-    parts = [_part(a, modality) for modality in pose_errors.MODALITIES] if a.modality == "fused" else []
+    fused = a.modality == "fused" and not a.track
+    parts = [_part(a, modality) for modality in pose_errors.MODALITIES] if fused else []
     for path in (a.output, *parts):
         check_output(path, input_files(a), overwrite=a.overwrite or a.resume)
     if a.video:
@@ -46,24 +51,33 @@ def estimate(a) -> None:
 
 
 def _estimate_single(a, stream: Stream) -> None:
-    estimator, stopped = make_estimator(a, stream.camera, a.modality), False
-    video = Overlay(a.video, estimator.port, stream.camera) if a.video else nullcontext()
-    with Journal(a.output, a.format, a.resume, _made_of(a, a.modality, [estimator])) as journal, video:
+    """One camera's estimates, or a track of one or both, each on disk as it comes."""
+    modalities = pose_errors.MODALITIES if a.modality == "fused" else (a.modality,)
+    estimators, stopped = {m: make_estimator(a, stream.camera, m) for m in modalities}, False
+    first = estimators[modalities[0]]
+    video = Overlay(a.video, first.port, stream.camera) if a.video else nullcontext()
+    made_of = _made_of(a, a.modality, list(estimators.values()))
+    with Journal(a.output, a.format, a.resume, made_of) as journal, video:
         resumed, poses = len(journal.statuses), 0
         try:
             with Bar(stream, a.modality) as bar:
-                shots = run.timed_images(stream, a.modality, estimator.settings, a.rate)
-                left = (shot for shot in shots if not journal.has(*shot.times_us))
-                for image, e in run.estimate_images(left, estimator):
+                shots = [run.timed_images(stream, m, e.settings, a.rate) for m, e in estimators.items()]
+                if a.track:
+                    in_order = heapq.merge(*shots, key=lambda shot: shot.t_us)
+                    answers = track_images(in_order, Tracker(*estimators.values()))
+                else:
+                    left = (shot for shot in shots[0] if not journal.has(*shot.times_us))
+                    answers = run.estimate_images(left, first)
+                for image, e in answers:
                     journal.add(e)
                     if a.video:
-                        video.add(image, e, estimator.ring_mask(image))
-                    poses += e.T_cam_port is not None
+                        video.add(image, e, first.ring_mask(image))
+                    poses += e.status == Status.OK
                     bar.show(e.t_us, len(journal.statuses) - resumed, poses)
         except KeyboardInterrupt:
             stopped = True
         if not journal.statuses and not stopped:
-            raise no_images(stream, a.modality, estimator.settings)
+            raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings)
     _report(a, journal, resumed, stopped)
 
 
@@ -120,7 +134,7 @@ def _made_of(a, modality: str, estimators: list) -> dict:
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
         "format": a.format,
         "camera": asdict(first.camera), "port": asdict(first.port), "settings": asdict(first.settings),
-        "weights": weights,
+        "weights": weights, **({"track": True} if a.track else {}),
     }  # fmt: skip
 
 

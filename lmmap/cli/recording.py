@@ -10,12 +10,12 @@ from contextlib import nullcontext
 import numpy as np
 
 from ..files import check_output
-from ..pipeline import run
 from ..recordings import live as devices
 from ..recordings.formats import health
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
-from ..types import Estimate, InputError
+from ..tracking.tracker import Tracker
+from ..types import Estimate, InputError, Status
 from .inputs import input_files, make_estimator, no_images, open_input
 from .progress import GREEN, RED, coloured, summary
 
@@ -62,17 +62,21 @@ def live(a) -> None:
 
 
 def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
-    """Print an estimate of each image; their statuses and delays, and how many images were skipped."""
-    statuses, late_ms, skipped = [], [], 0
+    """Print the track's answer to each image; their statuses and delays, and how many images were skipped."""
+    statuses, late_ms, skipped, last_us = [], [], 0, -1
     form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
     images = devices.newest(device, a.modality, estimator.settings.events_per_window, seconds=a.seconds)
+    tracker = Tracker(estimator)
     with Journal(a.output, form) if a.output else nullcontext() as journal:
         try:
             for image in images:
-                _, e = run.estimate_image(estimator, image)
+                skipped += image.skipped + (image.t_us <= last_us)
+                if image.t_us <= last_us:  # a clock that stood still or went back
+                    continue
+                last_us = image.t_us
+                e = tracker(image.image, image.t_us, image.wider)
                 late_ms.append((device.now_us() - image.newest_us) * 1e-3)
                 statuses.append(str(e.status))
-                skipped += image.skipped
                 if journal:
                     journal.add(e)
                 print(_line(e, late_ms[-1], a.json), flush=True)
@@ -87,7 +91,8 @@ def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
         pose = {} if T is None else {
             "position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()
         }  # fmt: skip
-        return json.dumps({"t_us": e.t_us, "status": str(e.status), "late_ms": round(late_ms, 1), **pose})
-    status = coloured(f"{e.status:10}", GREEN if T is not None else RED)
+        return json.dumps({"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
+                           "late_ms": round(late_ms, 1), **pose})  # fmt: skip
+    status = coloured(f"{e.status:10}", GREEN if e.status == Status.OK else RED)
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"

@@ -8,11 +8,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project, rescale_px
 from ..types import Camera, Estimate, InputError, Port
 
 WIDTH_PX = 692  # of the pictures, at least: small sensors are enlarged by whole factors
-COLOUR = {"mask": (86, 180, 233), "ellipse": (213, 94, 0), "text": (240, 240, 240)}
+COLOUR = {
+    "mask": (86, 180, 233),
+    "ellipse": (213, 94, 0),
+    "predicted": (240, 228, 66),
+    "text": (240, 240, 240),
+}
 AXES = ((255, 60, 60), (80, 220, 80), (60, 140, 255))  # x, y, z of the port: red, green, blue
 CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's wheels have no H.264
 
@@ -24,7 +30,8 @@ def draw(
     port: Port | None = None,
     ring_mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """An estimate drawn on its image: the ellipse, the port's axes, and a line of text below.
+    """An estimate drawn on its image: the ellipse, the port's axes, and a line of text below; of a tracker
+    also a ring where the port was predicted.
 
     Parameters
     ----------
@@ -66,6 +73,9 @@ def draw(
             fixed = np.round(rescale_px(points_px, scale) * 16).astype(np.int32)
             cv2.polylines(picture, [fixed], closed, colour, width, cv2.LINE_AA, shift=4)
 
+    if estimate.predicted is not None:
+        ring_m = circle_points_m(port.ring_radius_m, 180)
+        line(project(estimate.predicted @ ring_m, camera), COLOUR["predicted"], closed=True)
     if estimate.ellipse is not None:
         rays = bearings(estimate.ellipse.points(180), replace(camera, distortion=()))
         line(project(rays, camera), COLOUR["ellipse"], closed=True)  # an ellipse is free of distortion
@@ -89,6 +99,8 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
     if estimate.T_cam_port is not None:
         x, y, z = 1e3 * estimate.T_cam_port.position_m
         text += f"  x {x:.0f}  y {y:.0f}  z {z:.0f} mm  marker {estimate.marker_score:.2f}"
+    if estimate.confidence:
+        text += f"  confidence {estimate.confidence:.2f}"
     covariance = getattr(estimate, "covariance", None)
     if covariance is not None and np.all(np.isfinite(covariance)):
         text += f"  +- {1e3 * float(np.sqrt(np.trace(np.asarray(covariance)[:3, :3]))):.1f} mm"

@@ -36,8 +36,8 @@ def _pose(prefix: str, meaning: str) -> tuple[Columns, Columns]:
 
 TABLE = (
     Columns(("t_us",), "us", "the recording's clock", "time of the frame, or middle of the events' span"),
-    Columns(("status",), "", "", "ok, or why there is no pose: no_ring, no_ellipse, no_markers"),
-    *_pose("", "where the status is ok"),
+    Columns(("status",), "", "", "ok; predicted: by a tracker, not by the image; or why there is no pose"),
+    *_pose("", "where the status is ok or predicted"),
     Columns(SCORES[:1], "1", "image", "share of the ellipse's contour that has a point of the ring, 0 to 1"),
     Columns(SCORES[1:2], "1", "image", "mean marker mask inside the projected markers, 0 to 1"),
     Columns(SCORES[2:], "1", "image", "the same for the rival"),

@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from ..files import check_output, lock, write_text
-from ..types import Estimate, InputError
+from ..types import Estimate, InputError, Status
 from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
 
 ENDS_BYTES = 2**20  # of a recording, at both ends, by which it is known again
@@ -113,8 +113,8 @@ class Journal:
         """Write one estimate; it is on disk when this returns."""
         self.statuses.append(str(estimate.status))
         if self.format == "tum":
-            T = estimate.T_cam_port
-            self._write("" if T is None else tum_line(estimate.t_us, T))
+            seen = estimate.status == Status.OK  # the format cannot say that a pose is a prediction
+            self._write(tum_line(estimate.t_us, estimate.T_cam_port) if seen else "")
             return
         text = io.StringIO()
         csv.DictWriter(text, COLUMNS, lineterminator="\n").writerow(as_row(estimate))

@@ -174,6 +174,17 @@ def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
     assert code == 1 and "one camera's images" in err
 
 
+def test_a_track_of_both_cameras_is_one_file_in_the_order_of_time(tmp_path, capsys):
+    argv = ("estimate", MINI, "--modality", "fused", "--rate", "10", "--track", "-o", tmp_path / "p.csv")
+    assert run(capsys, *argv)[0] == 0
+    answers = read_estimates(tmp_path / "p.csv")
+    assert [path.name for path in tmp_path.glob("*.csv")] == ["p.csv"] and len(answers) > 20
+    assert [e.t_us for e in answers] == sorted(e.t_us for e in answers)
+    assert all(e.status == "ok" and e.covariance is not None for e in answers)
+    code, _, err = run(capsys, *argv, "--resume")
+    assert code == 1 and "a track cannot be resumed" in err
+
+
 def test_evaluate_has_all_three(capsys):
     code, out, _ = run(capsys, "evaluate", MINI, "--rate", "10", "--json")
     found = json.loads(out)

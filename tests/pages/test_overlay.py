@@ -36,6 +36,18 @@ def test_axes_and_ring_lie_where_the_camera_sees_them(distortion):
     assert np.mean([near(picture, p, COLOUR["ellipse"]) for p in project(T @ ring, camera)]) > 0.7
 
 
+def test_a_trackers_prediction_lies_beside_what_was_measured_and_its_confidence_shows():
+    expected = facing_pose(0.5, 0.3, 0.2, [0.06, -0.01, 0.5])
+    picture = draw(DARK, replace(FOUND, predicted=expected, confidence=0.93), CAMERA, PORT, NO_MASK)
+    points_px = project(
+        expected @ (PORT.ring_radius_m * np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 0]])), CAMERA
+    )
+    assert all(near(picture, p, COLOUR["predicted"]) for p in points_px)
+    without = draw(DARK, FOUND, CAMERA, PORT, NO_MASK)
+    assert not near(without, points_px[0], COLOUR["predicted"])
+    assert np.any(picture[520:] != without[520:])
+
+
 def test_mask_status_and_uncertainty_show():
     plain = draw(DARK, Estimate(0, Status.NO_RING), CAMERA, PORT, NO_MASK)
     assert plain.shape == (2 * 260 + 28, 2 * 346, 3)
