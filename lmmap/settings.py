@@ -73,7 +73,9 @@ class Settings(PaperSettings):
 
     # images of other lenses
     trained_focal_px: float = 324.0  # of the bench's camera, on which the networks were trained
+    trained_ring_px: tuple[float, float] = (21.0, 80.0)  # semi-major axis, at the bench's 1.2 to 0.33 m
     focal_slack: float = 1.15  # within this ratio of it an image is taken as it is
+    enlargement: PerCamera = PerCamera(rgb=2.0, event=1.0)  # at most; counts between pixels are no sensor's
 
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py

@@ -19,7 +19,7 @@ from .follow import Expected, follow, mask_within
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
-from .rescale import ellipse_in, network_camera, resample
+from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
 from .ring import skeleton_points
 from .weights import load_networks
 
@@ -64,7 +64,8 @@ class Estimator:
             raise ValueError(f"Estimator: modality is 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = as_camera(camera), port or Port.lm_map()
         self.modality, self.settings = modality, settings or settings_for(self.camera)
-        self.grid = network_camera(self.camera, self.settings)
+        self.grid = network_camera(self.camera, modality, self.settings)
+        warn_of_lens(self.camera, self.port, self.settings)
         named = isinstance(weights, str | Path)
         self.ring_network, self.reflector_network = (
             load_networks(weights, modality, precision) if named else weights
@@ -86,11 +87,14 @@ class Estimator:
         estimate = self.on_grid(resample(image, self.grid), t_us, near)
         if estimate.ellipse is None:
             return estimate
-        return replace(estimate, ellipse=ellipse_in(estimate.ellipse, self.grid, self.camera))
+        outside = outside_training(estimate.ellipse, self.settings)
+        ring = ellipse_in(estimate.ellipse, self.grid, self.camera)
+        return replace(estimate, ellipse=ring, outside_training=outside)
 
     def ring_mask(self, image: np.ndarray) -> np.ndarray:
         """The ring's mask (H, W) in the pixels of an image of the camera."""
-        return resample(self.ring_network(resample(image, self.grid)), self.camera)
+        mask = resample(self.ring_network(resample(image, self.grid)), self.camera)
+        return np.clip(mask, 0, 1)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""

@@ -8,19 +8,48 @@ and undistorted point by point.  A pose is the same in both cameras.
 
 from __future__ import annotations
 
+import warnings
+
 import cv2
 import numpy as np
 
 from ..geometry.conics import conic_from_ellipse, ellipse_from_conic
 from ..settings import OURS, Settings
-from ..types import Camera, Ellipse
+from ..types import Camera, Ellipse, Port
 
 
-def network_camera(camera: Camera, settings: Settings = OURS) -> Camera:
-    """The camera whose pixels the networks see: the same one where its focal length is near enough."""
-    ratio = settings.trained_focal_px / np.array([camera.fx_px, camera.fy_px])
-    near = np.abs(np.log(ratio)) <= np.log(settings.focal_slack)
-    return camera if near.all() else camera.at_focal(settings.trained_focal_px)
+def network_camera(camera: Camera, modality: str, settings: Settings = OURS) -> Camera:
+    """The camera whose pixels the networks see: of the trained focal length, or nearer to it by as much as
+    images may be enlarged.  A camera that is near enough is taken as it is."""
+    focal_px = np.array([camera.fx_px, camera.fy_px])
+    target_px = min(settings.trained_focal_px, settings.enlargement[modality] * focal_px.min())
+    near = np.abs(np.log(target_px / focal_px)) <= np.log(settings.focal_slack)
+    return camera if near.all() else camera.at_focal(target_px)
+
+
+def trained_range_m(camera: Camera, port: Port, settings: Settings = OURS) -> tuple[float, float]:
+    """From which to which distance the port's ring has a size that the networks were trained on, of images
+    that are not enlarged."""
+    focal_px = min(camera.fx_px, settings.trained_focal_px)
+    small_px, large_px = settings.trained_ring_px
+    return focal_px * port.ring_radius_m / large_px, focal_px * port.ring_radius_m / small_px
+
+
+def warn_of_lens(camera: Camera, port: Port, settings: Settings = OURS) -> None:
+    """One warning where the lens's focal length is too short in pixels for the networks."""
+    if camera.fx_px * settings.focal_slack < settings.trained_focal_px:
+        near_m, far_m = trained_range_m(camera, port, settings)
+        warnings.warn(
+            f"lens of {camera.fx_px:.0f} px: shorter than in the training; the networks know the ring from "
+            f"{near_m:.2f} to {far_m:.2f} m with it, and further away most images have no pose",
+            stacklevel=3,
+        )
+
+
+def outside_training(ring: Ellipse, settings: Settings = OURS) -> bool:
+    """Whether a ring, in the networks' pixels, is smaller or larger than any that they were trained on."""
+    small_px, large_px = settings.trained_ring_px
+    return not small_px <= ring.semi_axes_px[0] <= large_px
 
 
 def resample(image: np.ndarray, camera: Camera) -> np.ndarray:
@@ -33,7 +62,7 @@ def resample(image: np.ndarray, camera: Camera) -> np.ndarray:
         return image
     smaller = camera.width_px * camera.height_px < image.shape[0] * image.shape[1]
     image = image if image.ndim == 3 else image.astype(np.float32)
-    return cv2.resize(image, camera.size_px, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
+    return cv2.resize(image, camera.size_px, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
 
 
 def ellipse_in(ellipse: Ellipse, camera: Camera, target: Camera) -> Ellipse:

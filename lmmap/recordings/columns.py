@@ -10,6 +10,7 @@ POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 ELLIPSE = ("u_px", "v_px", "semi_major_px", "semi_minor_px", "angle_rad")
 SCORES = ("arc_coverage", "marker_score", "rival_score")
 CERTAINTY = ("margin", "tilt_sigmas", "confidence")
+OUTSIDE = "outside_training"
 AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance: m and rad, camera's axes
 UPPER = np.triu_indices(6)
 COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
@@ -51,6 +52,7 @@ TABLE = (
     ),
     Columns(CERTAINTY[1:2], "standard deviations", "", "distance of the ring from head-on"),
     Columns(CERTAINTY[2:], "1", "", "probability that the pose is right, 0 to 1"),
+    Columns((OUTSIDE,), "0 or 1", "image", "1 where the ring is smaller or larger than the networks know it"),
     Columns(
         COVARIANCE,
         "m², m rad, rad²",

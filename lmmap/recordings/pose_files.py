@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
-from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, POSE, PREFIXES, SCORES, UPPER
+from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
 
 
@@ -91,6 +91,7 @@ def as_row(e: Estimate) -> dict:
     """The line of an estimate, by `COLUMNS`; what it has not is absent."""
     row = {"t_us": int(e.t_us), "status": str(e.status)}
     row |= {name: f"{getattr(e, name):.6g}" for name in (*SCORES, *CERTAINTY)}
+    row[OUTSIDE] = int(e.outside_training)
     if e.covariance is not None:
         row |= {n: f"{v:.9g}" for n, v in zip(COVARIANCE, e.covariance[UPPER], strict=True)}
     if e.ellipse is not None:
@@ -140,7 +141,7 @@ def _estimate(row: dict) -> Estimate:
         covariance = np.zeros((6, 6))
         covariance[UPPER] = covariance.T[UPPER] = [float(row[n]) for n in COVARIANCE]
     return Estimate(int(row["t_us"]), Status(row["status"]), ellipse=ellipse, covariance=covariance,
-                    **poses, **scores)  # fmt: skip
+                    outside_training=row.get(OUTSIDE) == "1", **poses, **scores)  # fmt: skip
 
 
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:

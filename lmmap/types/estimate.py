@@ -59,6 +59,8 @@ class Estimate:
         The pose that is not reported because its confidence is too low: of status ``unsure``.
     predicted : Pose or None
         Of a tracker: where it expected the port before it looked at the image.
+    outside_training : bool
+        Whether the ring, in the networks' pixels, is smaller or larger than any that they were trained on.
     """
 
     t_us: int
@@ -78,6 +80,7 @@ class Estimate:
     confidence: float = 0.0
     doubtful: Pose | None = None
     predicted: Pose | None = None
+    outside_training: bool = False
 
     def _repr_html_(self) -> str:
         """A small table, as notebooks show it."""

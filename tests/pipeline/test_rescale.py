@@ -1,5 +1,6 @@
 """Images of other lenses: the same pose through any of them."""
 
+import warnings
 from dataclasses import replace
 
 import cv2
@@ -13,7 +14,7 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project, undistort_points
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.rescale import ellipse_in, network_camera, resample
+from lmmap.pipeline.rescale import ellipse_in, network_camera, resample, trained_range_m
 from lmmap.settings import OURS
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 from lmmap.types import Camera, Status
@@ -48,7 +49,7 @@ def test_an_undistorted_ellipse_is_the_circles_in_either_cameras_pixels(camera, 
 def test_a_lens_near_the_trained_one_is_taken_as_it_is(ratio):
     camera = replace(CAMERA, fx_px=324 * ratio, fy_px=324 * ratio)
     image = np.random.default_rng(0).integers(0, 255, (260, 346, 3), np.uint8)
-    assert network_camera(camera) is camera
+    assert network_camera(camera, "event") is camera
     assert resample(image, camera) is image
 
 
@@ -56,7 +57,7 @@ def test_a_histogram_keeps_its_counts_a_pixel():
     counts = np.full((720, 1280), 3, np.uint16)
     for f_px in (1200.0, 150.0):
         camera = Camera(1280, 720, f_px, f_px, 639.5, 359.5)
-        np.testing.assert_allclose(resample(counts, network_camera(camera)), 3, rtol=1e-6)
+        np.testing.assert_allclose(resample(counts, camera.at_focal(324.0)), 3, rtol=1e-6)
 
 
 def masks_as_networks(T, camera):
@@ -74,13 +75,14 @@ LENSES = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:lens of")
 @pytest.mark.parametrize("name", LENSES)
 def test_the_pose_and_its_ellipse_are_in_the_cameras_own_frame(name):
     """Ideal masks on the networks' grid give the pose, and the ellipse that the camera itself would see."""
     camera = LENSES[name]
     T = pose((200, 110), 0.7, 0.5, 1.0, 0.3)
     blank = np.zeros((*camera.size_px[::-1], 3), np.uint8)
-    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera)),
+    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera, "rgb")),
                           replace(OURS, min_confidence=0.0))  # fmt: skip
     estimate = estimator(blank)
     assert estimate.status == Status.OK
@@ -92,9 +94,10 @@ def test_the_pose_and_its_ellipse_are_in_the_cameras_own_frame(name):
     assert estimator.ring_mask(blank).shape == camera.size_px[::-1]
 
 
+@pytest.mark.filterwarnings("ignore:lens of")
 def test_the_ring_mask_lies_where_the_camera_sees_the_ring():
     camera, T = LENSES["equidistant"], pose((172, 130), 0.6, 0.4)
-    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera)))
+    estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera, "rgb")))
     mask = estimator.ring_mask(np.zeros((480, 640, 3), np.uint8))
     expected = ideal_masks(T, PORT, camera)[0]
     overlap = np.minimum(mask, expected).sum() / np.maximum(mask, expected).sum()
@@ -110,3 +113,25 @@ def test_the_equidistant_model_is_opencvs_fisheye():
     np.testing.assert_allclose(
         undistort_points(expected, FISHEYE), project(points, replace(FISHEYE, distortion=())), atol=1e-6
     )
+
+
+def test_a_lens_that_is_too_short_is_named_once_with_its_range():
+    """Frames are enlarged twice, histograms never: their networks then see a smaller ring."""
+    short = Camera(346, 260, 108.0, 108.0, 172.5, 129.5)
+    assert network_camera(short, "event") is short
+    assert network_camera(short, "rgb").fx_px == pytest.approx(216)
+    assert trained_range_m(short, PORT)[1] == pytest.approx(108 * 0.08 / 21)
+    masks = masks_as_networks(pose((172, 130), 0.6, 0.4), short)
+    for modality in ("rgb", "event"):
+        with pytest.warns(UserWarning, match=r"lens of 108 px.* to 0\.41 m") as warned:
+            Estimator(short, PORT, modality, masks)
+        assert len(warned) == 1
+    with warnings.catch_warnings(action="error"):
+        Estimator(LENSES["720p"], PORT, "event", masks)
+
+
+def test_an_estimate_says_that_the_ring_is_larger_than_any_of_the_training():
+    blank = np.zeros((260, 346, 3), np.uint8)
+    for distance_m, outside in ((0.29, True), (0.6, False)):
+        masks = masks_as_networks(pose((172, 130), distance_m, 0.3), CAMERA)
+        assert Estimator(CAMERA, PORT, "rgb", masks)(blank).outside_training is outside

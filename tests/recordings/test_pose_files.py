@@ -148,7 +148,7 @@ def test_bad_tables_and_absent_files(tmp_path):
 
 def test_every_column_has_its_unit_and_meaning():
     """Quaternions and scores have the unit 1; a time and a status have no frame but the clock."""
-    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 3 + 21
+    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 3 + 1 + 21
     for names, unit, frame, meaning in TABLE:
         assert meaning and (unit or names == ("status",))
         suffixes = {"m": "_m", "us": "_us", "px": "_px", "rad": "_rad"}

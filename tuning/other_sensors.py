@@ -1,0 +1,137 @@
+"""Right and wrong poses of other sensors and lenses, beside the DAVIS 346 that the networks know.
+
+    python tuning/other_sensors.py [SENSOR ...]
+
+Every sensor records the same short sequences of the bench, which neither train nor test anything.  An image
+counts if the whole ring is in view.  The table has rows for each sensor, light and camera: of rings of a size
+that the networks were trained on (`Settings.trained_ring_px`, in the pixels that they see), and of others.
+Recordings and outcomes are kept in data/derived/sensors, so that an interrupted run goes on; remove the .csv
+files there after a change of the estimator, and all after a change of the bench.  The table is kept in
+data/results/sensors.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from choose_thresholds import right
+from tqdm import tqdm
+
+from lmmap.bench import sequences
+from lmmap.bench.laboratory import sequence
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import in_view
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.rescale import outside_training
+from lmmap.pipeline.run import estimate_image, timed_images
+from lmmap.provenance import DATA, DERIVED_DATA, save_table
+from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
+
+SEQUENCES = [f"realistic-{n}" for n in (2019, 2011, 2024)]  # one of each light
+SECONDS, FRAME_HZ, EACH = 0.5, 10, 10  # length, frames a second, and most images of each camera from it
+FOLDER = DERIVED_DATA / "sensors"
+PORT = Port.lm_map()
+
+
+def pinhole(width_px: int, height_px: int, focal_px: float, distortion=(), model: str = "radtan") -> Camera:
+    """A camera whose axis is in the middle of its sensor."""
+    centre = (width_px - 1) / 2, (height_px - 1) / 2
+    return Camera(width_px, height_px, focal_px, focal_px, *centre, distortion, model)
+
+
+SENSORS = {
+    "DAVIS 346": Camera.davis346(),
+    "240 x 180": pinhole(240, 180, 225.0),
+    "320 x 240": pinhole(320, 240, 300.0),
+    "640 x 480": pinhole(640, 480, 600.0),
+    "1280 x 720": pinhole(1280, 720, 1200.0),
+    "346 x 260, radial": pinhole(346, 260, 324.0, (-0.3, 0.1, 0.001, -0.001)),
+    "640 x 480, equidistant": pinhole(640, 480, 324.0, (0.01, -0.02, 0.003, 0.0), "equidistant"),
+    "346 x 260, half the view": pinhole(346, 260, 648.0),
+    "640 x 480, twice the view": pinhole(640, 480, 324.0),
+    "346 x 260, twice the view": pinhole(346, 260, 162.0),
+    "346 x 260, three times the view": pinhole(346, 260, 108.0),
+}
+
+
+def recorded(name: str, sensor: str) -> Recording:
+    """A short recording by a sensor, from the folder if it is there."""
+    path, camera = FOLDER / f"{name}.{_label(sensor)}.npz", SENSORS[sensor]
+    if not path.exists():
+        setup = sequences.Setup(frame_hz=FRAME_HZ)
+        made = sequences.simulate(name, SECONDS, camera=camera, setup=setup)
+        np.savez(path, events=made.events, frames=made.frames, ft=made.frames_t_us, tt=made.truth.t_us,
+                 R=made.truth.poses.rotation, p=made.truth.poses.position_m)  # fmt: skip
+    with np.load(path) as d:
+        truth = Trajectory(d["tt"], Pose(d["R"], d["p"]))
+        return Recording(name, camera, d["events"].view(EVENT), d["frames"], d["ft"], truth)
+
+
+def outcomes(name: str, sensor: str, modality: str) -> list[dict]:
+    """A row for each of at most `EACH` images with the ring in view."""
+    recording = recorded(name, sensor)
+    with warnings.catch_warnings(action="ignore"):  # short lenses are named by the table
+        estimator = Estimator(recording.camera, PORT, modality)
+    span_us = recording.truth.t_us[[0, -1]]
+
+    def truth_at(t_us: int) -> Pose:
+        return recording.truth.at(np.clip([t_us], *span_us))[0]
+
+    seen = [s for s in timed_images(recording, modality) if in_view(truth_at(s.t_us), PORT, recording.camera)]
+    chosen = np.unique(np.linspace(0, len(seen) - 1, min(EACH, len(seen))).astype(int))
+    rows = []
+    for shot in (seen[i] for i in chosen):
+        began_s = time.thread_time()
+        _, estimate = estimate_image(estimator, shot)
+        took_ms, truth = 1e3 * (time.thread_time() - began_s), truth_at(estimate.t_us)
+        pose = estimate.T_cam_port is not None
+        good = pose and right(estimate.T_cam_port, truth, PORT)
+        ring = circle_ellipse(truth, PORT.ring_radius_m, estimator.grid)
+        rows.append({"sensor": sensor, "focal_px": recording.camera.fx_px, "modality": modality,
+                     "light": sequence(name).light, "trained_size": not outside_training(ring),
+                     "right": good, "wrong": pose and not good, "none": not pose,
+                     "cpu_ms": took_ms})  # fmt: skip
+    return rows
+
+
+def summary(every: pd.DataFrame) -> pd.DataFrame:
+    """Images and percentages of them, and the median time on one thread."""
+    by = ["sensor", "focal_px", "modality", "trained_size"]
+    lights = pd.concat([every, every.assign(light="all")])
+    groups = lights.groupby([*by, "light"], sort=False)
+    percent = (100 * groups[["right", "wrong", "none"]].mean()).add_suffix("_percent")
+    return percent.assign(images=groups.size(), cpu_ms=groups.cpu_ms.median().round()).reset_index()
+
+
+def _label(sensor: str) -> str:
+    return sensor.replace(", ", "-").replace(" ", "_")
+
+
+def _outcome_path(name: str, sensor: str, modality: str) -> Path:
+    return FOLDER / f"{name}.{_label(sensor)}.{modality}.csv"
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("sensors", nargs="*", help="default: all that are not made yet, and the table")
+    chosen = arguments.parse_args().sensors
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    runs = [(n, s, m) for n in SEQUENCES for s in chosen or SENSORS for m in ("rgb", "event")]
+    for run in tqdm([r for r in runs if not _outcome_path(*r).exists()], disable=None):
+        pd.DataFrame(outcomes(*run)).to_csv(_outcome_path(*run), index=False)
+    if chosen:
+        return
+    files = [_outcome_path(*run) for run in runs]
+    every = pd.concat([pd.read_csv(f) for f in files if f.stat().st_size > 2], ignore_index=True)
+    table = summary(every.sort_values("sensor", key=lambda s: s.map(list(SENSORS).index), kind="stable"))
+    print(table.query("light == 'all'").round(1).to_string())
+    save_table(DATA / "results" / "sensors.csv", table, sequences=SEQUENCES)
+
+
+if __name__ == "__main__":
+    main()
