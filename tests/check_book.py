@@ -81,6 +81,42 @@ def test_images_have_alternative_texts(name):
     assert poor == []
 
 
+class Figures(HTMLParser):
+    """The captions of a page's figures, and the pictures of cells that are in no figure."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.captions, self.bare = [], []
+        self._depth, self._in_caption = 0, False
+        self.feed(page.read_text())
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self._depth += tag == "figure"
+        self._in_caption |= tag == "figcaption"
+        if tag == "figcaption":
+            self.captions.append("")
+        if tag == "img" and "_images/" in found.get("src", "") and not self._depth:
+            self.bare.append(found["src"])
+
+    def handle_endtag(self, tag):
+        self._depth -= tag == "figure"
+        self._in_caption &= tag != "figcaption"
+
+    def handle_data(self, data):
+        if self._in_caption:
+            self.captions[-1] += data
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda page: page.stem)
+def test_every_figure_has_a_number_and_a_caption_of_two_sentences(chapter):
+    figures = Figures(chapter)
+    assert figures.bare == [], "pictures outside of figures"
+    for caption in figures.captions:
+        assert re.match(r"\s*Fig\. \d+", caption), caption
+        assert len(re.findall(r"[.!?](?=[\s#]|$)", caption.split(maxsplit=2)[2])) >= 2, caption
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     with chromium(tmp_path_factory.mktemp("chromium")) as page:

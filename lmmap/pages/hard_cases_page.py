@@ -33,7 +33,7 @@ def hard_case_table(counts: pd.DataFrame, cases: Mapping[str, str]):
             "off by (mm)": 1e3 * c.position_error_m, "normal (°)": c.normal_error_deg,
         })  # fmt: skip
     table = pd.DataFrame(rows).set_index(["case", "camera"]).rename_axis(index=(None, None))
-    return table.style.format(precision=1, na_rep="–")
+    return table.style.format(precision=1, na_rep="–").format("{:.0f}", subset=["our images"])
 
 
 def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
