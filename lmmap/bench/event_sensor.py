@@ -88,7 +88,7 @@ class EventSensor:
         """Go on from what `state` returned."""
         self._state = state["lp"].copy(), state["ref"].copy()
         self._last_s, self._t_s = state["last_s"].copy(), float(state["t_s"])
-        self._rng.bit_generator.state = json.loads(str(state["generator"]))
+        self._rng.bit_generator.state = json.loads(state["generator"])
 
     def _noise_events(self, light, dt: float) -> np.ndarray:
         """Poisson events of shot noise and hot pixels in an interval; light thins out shot noise."""

@@ -6,8 +6,6 @@ long recording keeps finished parts on disk; an interrupted one goes on from the
 
 from __future__ import annotations
 
-import shutil
-import zipfile
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..files import atomic, has_mark
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..types import EVENT, Camera, InputError, Port, Pose, Recording, Trajectory
-from . import laboratory, optics, renderer
+from . import laboratory, optics, part_files, renderer
 from .event_sensor import EventSensor, SensorSettings
 from .laboratory import GAIN, SECONDS, Sequence, sequence, sequence_motion
 
@@ -182,7 +179,7 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     camera = Camera.davis346() if camera is None else camera
     seconds = duration_s(seq, seconds)
     event_sensor = EventSensor(camera, sensor or SensorSettings(), seq.rng("events " + seq.light))
-    finished = _resume(parts, event_sensor, f"{name} {seconds} {camera} {event_sensor.settings}")
+    finished = part_files.resume(parts, event_sensor, f"{name} {seconds} {camera} {event_sensor.settings}")
     skip, part_start_us = (int(finished[-1][k]) for k in ("images", "t_us")) if finished else (0, 0)
     part = {"events": [], "frames": [], "frames_t_us": []}
     images = stream(seq, camera, port, seconds, event_sensor, skip, setup)
@@ -193,47 +190,15 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
             part["frames"].append(frame)
             part["frames_t_us"].append(t_us)
         if t_us - part_start_us > PART_S * 1e6:
-            finished.append(_join_part(part, camera))
+            finished.append(part_files.join(part, camera))
             part, part_start_us = {key: [] for key in part}, t_us
             if parts is not None:
-                with atomic(parts / f"{len(finished) - 1:04d}.npz") as temporary:
-                    np.savez(temporary, images=count, t_us=t_us, **finished[-1], **event_sensor.state())
+                state = {"images": count, "t_us": t_us, **event_sensor.state()}
+                part_files.keep(parts, len(finished) - 1, finished[-1] | state)
         if progress:
             progress(t_us * 1e-6)
-    finished.append(_join_part(part, camera))
+    finished.append(part_files.join(part, camera))
     events, frames, frames_us = (np.concatenate([done[key] for done in finished]) for key in part)
     truth_us = np.arange(0, seconds * 1e6 + 1, 1e6 / TRUTH_HZ).astype(np.int64)
     truth = Trajectory(truth_us, sequence_motion(seq, truth_us * 1e-6)) if seq.port else None
     return Recording(name, camera, events, frames, frames_us, truth)
-
-
-def _join_part(part: dict, camera: Camera) -> dict:
-    no_frames = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
-    return {
-        "events": np.concatenate([np.empty(0, EVENT), *part["events"]]),
-        "frames": np.stack(part["frames"]) if part["frames"] else no_frames,
-        "frames_t_us": np.array(part["frames_t_us"], np.int64),
-    }
-
-
-def _resume(folder: Path | None, event_sensor: EventSensor, mark: str) -> list[dict]:
-    """The parts that an interrupted call of the same mark has finished; the sensor goes on from the last."""
-    if folder is None:
-        return []
-    try:
-        if folder.exists() and not has_mark(folder / "made-of.txt", mark):
-            shutil.rmtree(folder)
-        folder.mkdir(exist_ok=True)
-        (folder / "made-of.txt").write_text(mark)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot write ({error.strerror}); choose another output folder") from None
-    finished = []
-    for path in sorted(folder.glob("*.npz")):
-        try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-                finished.append(dict(data))
-        except (ValueError, OSError, KeyError, zipfile.BadZipFile):  # cut short: it is made anew
-            break
-    if finished:
-        event_sensor.restore(finished[-1])
-    return finished

@@ -1,31 +1,28 @@
 """AEDAT4, iniVation's format.
 
-Read here byte by byte, because dv-processing, which writes it, trusts what is in a file: of 2000 damaged
-files 7 crashed or hung it.  Layout: magic, size-prefixed flatbuffer IOHeader, packets (int32 stream, int32
-size, compressed size-prefixed flatbuffer), table of packets.
+Read here byte by byte: dv-processing, with which `aedat4_writer` writes it, trusts what is in a file, and of
+2000 damaged files 7 crashed or hung it.  Layout: magic, size-prefixed flatbuffer IOHeader, packets (int32
+stream, int32 size, compressed size-prefixed flatbuffer), table of packets.
 """
 
 from __future__ import annotations
 
 import os
 import struct
-from collections import deque
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
-import dv_processing as dv
 import lz4.frame
 import numpy as np
 from backports import zstd
 
-from ..types import EVENT, Recording
+from ..types import EVENT
 from .limits import MAX_CHUNK_BYTES, MAX_RECORD_BYTES, check_image
-from .stream import Source, in_chunks, input_errors, no_events, no_frames, pieces
+from .stream import Source, in_chunks, input_errors, no_events, no_frames
 
 MAGIC = b"#!AER-DAT4.0\r\n"
-PACKET = 100_000  # events in one that we write
 CHANNELS = {0: 1, 16: 3, 24: 4}  # of a frame, by its format: gray, BGR, BGRA
 DECOMPRESSORS = {1: lz4.frame.LZ4FrameDecompressor, 2: lz4.frame.LZ4FrameDecompressor,
                  3: zstd.ZstdDecompressor, 4: zstd.ZstdDecompressor}  # fmt: skip
@@ -217,25 +214,3 @@ def rgb(image: np.ndarray) -> np.ndarray:
 def _file_errors(path: Path):
     errors = (zstd.ZstdError, RuntimeError, ElementTree.ParseError)
     return input_errors(path, "damaged AEDAT4", "record or copy the file again", errors)
-
-
-def write(recording: Recording, path: Path) -> None:
-    """Write events and frames (Zstandard); raises `OSError`."""
-    # the library's writing thread aborts the process when the disk is full: claim the room first
-    room = 2**20 + round(1.02 * (recording.events.nbytes + recording.frames.nbytes))
-    with path.open("wb") as file:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(file.fileno(), 0, room)
-    config = dv.io.MonoCameraWriter.Config(recording.name, dv.CompressionType.ZSTD)
-    config.addEventStream(recording.camera.size_px)
-    config.addFrameStream(recording.camera.size_px)
-    writer = dv.io.MonoCameraWriter(str(path), config)
-    for chunk in recording.chunks():
-        for e in pieces(chunk, PACKET):
-            store = dv.EventStore()
-            # one tuple an event is the library's fastest way in from Python; map() saves the loop
-            deque(map(store.push_back, zip(*(e[name].tolist() for name in EVENT.names), strict=True)), 0)
-            writer.writeEvents(store)
-    for t_us, frame in recording.timed_frames():
-        writer.writeFrame(dv.Frame(t_us, np.ascontiguousarray(frame[..., ::-1])))
-    del writer  # closes the file

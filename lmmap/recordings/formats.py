@@ -14,7 +14,20 @@ from pathlib import Path
 
 from ..files import CAMERA, atomic, beside, regular_file
 from ..types import Camera, InputError, Recording
-from . import aedat4, hdf5, images, pictures, prophesee, rosbag, rosbag2, rosbag_writer, sensors, tables, text
+from . import (
+    aedat4,
+    aedat4_writer,
+    hdf5,
+    images,
+    pictures,
+    prophesee,
+    rosbag,
+    rosbag2,
+    rosbag_writer,
+    sensors,
+    tables,
+    text,
+)
 from .bounded_bag2 import METADATA
 from .health import health
 from .pose_files import (
@@ -128,7 +141,7 @@ def write_recording(recording: Recording, path, suffixes=None) -> None:
 
 
 WRITERS = {
-    ".aedat4": aedat4.write,
+    ".aedat4": aedat4_writer.write,
     ".bag": rosbag_writer.write,
     ".h5": hdf5.write,
     ".hdf5": hdf5.write,

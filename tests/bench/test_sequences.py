@@ -34,7 +34,7 @@ def test_an_interrupted_simulation_goes_on_to_the_same_bytes(tmp_path, monkeypat
 
     with pytest.raises(Stopped):
         sequences.simulate("test-medium", 0.25, stop, parts=tmp_path / "parts")
-    kept = sorted((tmp_path / "parts").glob("*.npz"))
+    kept = sorted((tmp_path / "parts").glob("*.h5"))
     assert len(kept) == 2
     kept[1].write_bytes(kept[1].read_bytes()[:-100])  # a part cut short is made anew
     begun = []

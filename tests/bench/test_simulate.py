@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lmmap import open_recording
-from lmmap.bench import sequences, simulate
+from lmmap.bench import part_files, sequences, simulate
 from lmmap.types import InputError
 
 
@@ -29,7 +29,7 @@ def test_what_is_done_survives_a_failed_write(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(InputError, match="No space left"):
         patch.setattr(simulate, "write_recording", full)
         simulate.record("test-low", 0.15, path)
-    assert not path.exists() and list((tmp_path / "a.h5.parts").glob("*.npz"))
+    assert not path.exists() and list((tmp_path / "a.h5.parts").glob("*.h5"))
     begun = []
     simulate.record("test-low", 0.15, path, begun.append)
     assert path.exists() and begun[0] > 0.05
@@ -40,8 +40,8 @@ def test_a_full_disk_is_one_clear_line(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(sequences, "PART_S", 0.05)
-    monkeypatch.setattr(sequences.np, "savez", full)
-    with pytest.raises(InputError, match=r"0000\.npz: cannot write \(No space left on device\)"):
+    monkeypatch.setattr(part_files.h5py, "File", full)
+    with pytest.raises(InputError, match=r"0000\.h5: cannot write \(No space left on device\)"):
         simulate.record("test-low", 0.15, tmp_path / "a.h5")
     assert not (tmp_path / "a.h5").exists()
 
