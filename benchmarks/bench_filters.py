@@ -12,7 +12,8 @@ import numpy as np
 import plain
 import torch
 
-from lmmap.pipeline.estimator import Estimator, markers_box_px
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import markers_box_px
 from lmmap.pipeline.network import PRECISIONS, best_precision
 from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import FILTERS

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import plain
 from skimage.measure import EllipseModel, ransac
 
 from lmmap.geometry import conics
@@ -126,7 +127,7 @@ def main() -> None:
         (
             f"ellipse: batched / the paper's RANSAC, {len(points)} points, {OURS.ransac_hypotheses} trials",
             lambda: ellipse.fit_ransac(points, np.random.default_rng(0)),
-            lambda: ellipse.paper_ransac(points, np.random.default_rng(0)),
+            lambda: plain.ransac_loop(points, np.random.default_rng(0)),
         ),
         (
             "ellipse: ours / skimage.measure.ransac, 50 trials",

@@ -20,7 +20,7 @@ import numpy as np
 import plain
 import torch
 
-from lmmap.pipeline import circle, ellipse, yaw
+from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.ring import skeleton_points
@@ -61,7 +61,7 @@ def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
         watch(f"{n} filter", plain.mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
     )
     points = watch("skeleton", skeleton_points, ring)
-    found, _ = watch("ellipse", ellipse.paper_ransac, points, np.random.default_rng(0))
+    found, _ = watch("ellipse", plain.ransac_loop, points, np.random.default_rng(0))
     if found is None:
         return False
     poses = watch("circle", circle.paper_poses, found, camera, port.ring_radius_m)

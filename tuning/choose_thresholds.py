@@ -92,12 +92,12 @@ def outcomes(modality: str) -> pd.DataFrame:
     return pd.concat(counted).reset_index().assign(modality=modality)
 
 
-def choice(table: pd.DataFrame) -> pd.Series:
-    """The thresholds as they are, or those that are better by more than chance."""
+def choice(table: pd.DataFrame, present: tuple = PRESENT) -> pd.Series:
+    """The present thresholds, or those that are better by more than chance."""
     both = table.groupby(list(NAMES))[["images", "right", "wrong", "false"]].sum().reset_index()
     both["score"] = (both.right - both.wrong) / both.images
     some = both[both.false == both.false.min()].sort_values("score", ascending=False)
-    ours = some[np.isclose(some[list(NAMES)], PRESENT).all(1)]
+    ours = some[np.isclose(some[list(NAMES)], present).all(1)]
     tie = len(ours) and ours.score.iloc[0] >= some.score.iloc[0] - CHANCE
     return (ours if tie else some).iloc[0]
 

@@ -18,7 +18,7 @@ import numpy as np
 from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
 from lmmap.bench.event_sensor import SensorSettings
 from lmmap.geometry.port import in_view
-from lmmap.pipeline.estimator import settings_for
+from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import images
 from lmmap.provenance import DERIVED_DATA
 from lmmap.settings import PAPER

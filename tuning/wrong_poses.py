@@ -28,7 +28,8 @@ from tqdm import tqdm
 
 from lmmap.bench import sequences
 from lmmap.geometry.port import in_view
-from lmmap.pipeline.estimator import Estimator, markers_box_px
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import markers_box_px
 from lmmap.pipeline.network import crop_bounds
 from lmmap.pipeline.run import timed_images
 from lmmap.pipeline.weights import FILTERS, load_network, weight_path

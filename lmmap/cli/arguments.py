@@ -26,6 +26,7 @@ DRAW = """examples:
 EVALUATE = """examples:
   lmmap evaluate demo.aedat4
   lmmap evaluate run.bag --camera camera.yaml --truth arm.tum --modality rgb --json
+  lmmap evaluate demo.aedat4 --as-printed                     the paper's own procedure, at N events once
 """
 INFO = """examples:
   lmmap info run.aedat4
@@ -139,6 +140,11 @@ def _add_recordings(commands: Commands) -> None:
     commands.add_recording(command)
     commands.add_file(command, "--truth", help="CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
     _add_estimation(commands, command, required=False, fused=True)
+    command.add_argument(
+        "--as-printed",
+        action="store_true",
+        help="estimate by the paper's text and nothing else, each camera alone",
+    )
     command.add_argument("--json", action="store_true", help="print JSON")
 
     command = commands.add(

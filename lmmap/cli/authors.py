@@ -13,7 +13,8 @@ from tqdm import tqdm
 
 from ..files import CAMERA, atomic, check_output
 from ..pages import beside_paper
-from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
 from ..pipeline.network import CHANNELS
 from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..files import check_output
 from ..pages.overlay import Overlay
 from ..pipeline import run
-from ..pipeline.estimator import settings_for
+from ..pipeline.image_estimator import settings_for
 from ..recordings.pose_files import read_estimates
 from ..types import InputError
 from .inputs import find_port, input_files, open_input

@@ -47,6 +47,8 @@ def _with_truth(a, stream: Stream) -> Stream:
 
 def _estimates(a, stream: Stream) -> tuple[dict[str, list[Estimate]], Port]:
     """Estimates of each modality that is evaluated, and the port that they are of."""
+    if a.as_printed and a.modality == "fused":
+        raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
     estimates = {}
     for modality in [a.modality] if a.modality in SINGLE else SINGLE:
         estimator = make_estimator(a, stream.camera, modality)
@@ -56,7 +58,7 @@ def _estimates(a, stream: Stream) -> tuple[dict[str, list[Estimate]], Port]:
                 estimates[modality].append(e)
                 poses += e.T_cam_port is not None
                 bar.show(e.t_us, len(estimates[modality]), poses)
-    if all(estimates.values()) and a.modality not in SINGLE:
+    if all(estimates.values()) and a.modality not in SINGLE and not a.as_printed:
         estimates["fused"] = list(fuse(run.merge_by_time(estimates), estimator.port.yaw_period_rad, a.rate))
     return estimates, estimator.port
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..files import beside
-from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
+from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
@@ -28,14 +30,15 @@ def input_files(a) -> list[Path]:
     return [path for path in (recording, *sidecars, *named, *getattr(a, "bags", ())) if path]
 
 
-def make_estimator(a, camera: Camera, modality: str) -> Estimator:
+def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstimator:
     """The estimator of one camera by the command line's arguments."""
     if a.rate is not None and not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
     settings = settings_for(camera, a.events)
-    return Estimator(camera, find_port(a), modality, a.weights or a.domain_gap, settings)
+    estimator = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
+    return estimator(camera, find_port(a), modality, a.weights or a.domain_gap, settings)
 
 
 def find_port(a) -> Port:

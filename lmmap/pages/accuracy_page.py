@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from ..studies.verdicts import ESTIMATORS, NOT_RUN
 from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, wide_table
 
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
@@ -18,6 +19,7 @@ def difference_counts(compared: pd.DataFrame):
     A cell of `pose_errors.compare` counts as alike where the paper's value lies in our 95 % interval, and
     otherwise as better or worse.
     """
+    compared = compared[compared.metric != "wrong_percent"]  # of which the paper says nothing
     more_is_better = compared.metric == "detection_rate_percent"
     inside = compared.table1.between(compared.ours_low, compared.ours_high)
     better = (compared.ours > compared.table1) == more_is_better
@@ -27,7 +29,8 @@ def difference_counts(compared: pd.DataFrame):
     counts = judged.groupby(["title", "training", "verdict"]).size()
     counts = counts.unstack(["training", "verdict"], fill_value=0)
     columns = list(product(GAPS, ("better", "alike", "worse")))
-    counts = counts.reindex(index=list(WORDS.values()), columns=columns, fill_value=0)
+    stated = [words for (metric, _), words in WORDS.items() if metric != "wrong_percent"]
+    counts = counts.reindex(index=stated, columns=columns, fill_value=0)
     return counts.rename(GAPS, axis=1).rename_axis(index=None, columns=(None, None)).style
 
 
@@ -45,7 +48,8 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
         ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers", "unsure"]), 0)
     )
     counts = counts.groupby(cell)[["ellipse", "in_view"]].sum()
-    rates = compared.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
+    rates = compared[compared.metric == "detection_rate_percent"]
+    rates = rates.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
     rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])
     rates = rates.reindex(index=list(product(GAPS, rows)), columns=list(product(LIGHTS, cameras)))
     wide = rates.rename(GAPS | rows).rename(LIGHTS | CAMERAS, axis=1)
@@ -122,10 +126,13 @@ def sequence_table(table: pd.DataFrame):
 
 
 def claims_table(claims: pd.DataFrame):
-    """`claims.claims`, styled: each reason in small letters under its claim, numbers one over the other."""
+    """`claims.claims`, styled: each rule in small letters under its claim, numbers under each verdict; the
+    verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
-    rows = claims.assign(
-        claim=claims.claim + "<br><small>" + reasons + "</small>",
-        ours=claims.ours.str.replace("; ours ", "<br>ours "),
-    )
-    return sentence_table(rows.drop(columns="why"))
+    columns = {"claim": claims.claim + "<br><small>" + reasons + "</small>", "paper": claims.paper}
+    for estimator, name in ESTIMATORS.items():
+        verdict = claims[f"{estimator}_verdict"]
+        numbers = claims[estimator].where(claims[estimator] != NOT_RUN, "")
+        shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
+        columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
+    return sentence_table(pd.DataFrame(columns))

@@ -15,6 +15,7 @@ WORDS = {  # what a table calls a metric and its statistic
     ("normal_error_deg", "median"): "normal (°)",
     ("rotation_error_deg", "median"): "rotation (°)",
     ("detection_rate_percent", "in_fov"): "found, ring in view (%)",
+    ("wrong_percent", "in_fov"): "wrong, ring in view (%)",
     ("position_error_m", "rmse"): "position, RMSE (mm)",
     ("normal_error_deg", "rmse"): "normal, RMSE (°)",
     ("rotation_error_deg", "rmse"): "rotation, RMSE (°)",
@@ -22,6 +23,7 @@ WORDS = {  # what a table calls a metric and its statistic
 }
 ESTIMATORS = {
     "table1": "paper",
+    "as_printed": "as printed",
     "printed": "printed",
     "ours": "ours",
     "certain": "certain",

@@ -81,34 +81,31 @@ def fit_ransac(
 def paper_ransac(
     points_px, rng: np.random.Generator, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
-    """The paper's loop as printed: five points, A..E of equation 1 with F = 1 in raw pixels, check of
-    the axis ratio, count of inliers, refit of the best hypothesis on its inliers.
+    """The paper's RANSAC as printed: H times five points, A..E of equation 1 with F = 1 in raw pixels, check
+    of the axis ratio, count of inliers, refit of the best hypothesis on its inliers.
+
+    All H are worked on at once; the paper's loop gives the same.
 
     The paper doesn't say how it measures a point's distance; here it is the Sampson distance.
     """
     points = _finite(points_px)
-    best, inliers = None, np.zeros(len(points), bool)
+    nothing = None, np.zeros(len(points), bool)
     if len(points) < 5:
-        return best, inliers
+        return nothing
     equations = monomials(points)[:, :5]
-    for _ in range(settings.ransac_hypotheses):
-        sample = rng.choice(len(points), 5, replace=False)
-        try:
-            theta = np.append(np.linalg.solve(equations[sample], -np.ones(5)), 1.0)
-        except np.linalg.LinAlgError:
-            continue
-        if not _plausible(theta, settings):
-            continue
-        inlier = np.abs(sampson_distance(theta, points)) < settings.ransac_tolerance_px
-        if inlier.sum() > inliers.sum():
-            best, inliers = theta, inlier
-        if inliers.all():
-            break
-    if best is None:
-        return None, inliers
-    theta = np.append(np.linalg.lstsq(equations[inliers], -np.ones(inliers.sum()))[0], 1.0)
+    draws = [rng.choice(len(points), 5, replace=False) for _ in range(settings.ransac_hypotheses)]
+    samples = equations[np.array(draws)]
+    samples = samples[np.linalg.det(samples) != 0]
+    theta = np.linalg.solve(samples, -np.ones((len(samples), 5, 1)))[..., 0]
+    theta = np.concatenate([theta, np.ones((len(theta), 1))], 1)
+    theta = theta[_plausible(theta, settings)]
+    if not len(theta):
+        return nothing
+    inliers = np.abs(sampson_distance(theta, points)) < settings.ransac_tolerance_px
+    best = inliers[np.argmax(inliers.sum(1))]  # of equal counts the first, as a loop would keep it
+    theta = np.append(np.linalg.lstsq(equations[best], -np.ones(best.sum()))[0], 1.0)
     ellipse, real = ellipse_from_conic(conic_matrix(theta))
-    return (ellipse, inliers) if real else (None, np.zeros(len(points), bool))
+    return (ellipse, best) if real else nothing
 
 
 def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:

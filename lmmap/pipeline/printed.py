@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.projection import undistort_points
-from ..settings import OURS, PAPER, PaperSettings
-from ..types import Camera, Ellipse, Estimate, Port, Pose, Status
+from ..settings import OURS, PAPER, PaperSettings, Settings
+from ..types import Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
-from .estimator import Weights, settings_for
-from .inputs import check_image
+from .image_estimator import ImageEstimator, Weights, settings_for
+from .inputs import AnyCamera, as_camera
 from .ring import skeleton_points
-from .weights import load_networks
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Assumptions:
     ransac_tolerance_px: float = 1.5  # of an inlier, by its Sampson distance: as in our pipeline
 
 
-class PrintedEstimator:
+class PrintedEstimator(ImageEstimator):
     """Pose of the port in one image by the paper's text, called as `Estimator` is.
 
     One threshold, Zhang's skeleton, the count gamma_S, H ellipses through five points each with F = 1 in raw
@@ -40,8 +39,8 @@ class PrintedEstimator:
 
     Parameters
     ----------
-    camera, port, modality, weights, precision
-        As `Estimator`.
+    camera, port, modality, weights, settings, precision
+        As `Estimator`; of the settings only the number of events counts.
     assumptions
         What the text leaves open.
     paper
@@ -50,42 +49,31 @@ class PrintedEstimator:
 
     def __init__(
         self,
-        camera: Camera | None = None,
+        camera: AnyCamera = None,
         port: Port | None = None,
         modality: str = "rgb",
         weights: Weights = OURS.weights,
+        settings: Settings | None = None,
+        precision: str = "auto",
+        *,
         assumptions: Assumptions | None = None,
         paper: PaperSettings = PAPER,
-        precision: str = "auto",
     ):
-        if modality not in ("rgb", "event"):
-            raise ValueError(f"PrintedEstimator: modality is 'rgb' or 'event', got {modality!r}")
-        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
-        self.modality, self.paper = modality, paper
-        self.assumptions = assumptions or Assumptions()
         # for `run`, which cuts the recording into images: N events once, and no second look
-        self.settings = replace(settings_for(self.camera), second_look_factor=1.0)
-        named = not isinstance(weights, tuple)
-        self.ring_network, self.reflector_network = (
-            load_networks(weights, modality, precision) if named else weights
-        )
+        settings = replace(settings or settings_for(as_camera(camera)), second_look_factor=1.0)
+        super().__init__(camera, port, modality, weights, settings, precision)
+        self.assumptions, self.paper = assumptions or Assumptions(), paper
 
-    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        """The estimate of one image; a failed measurement is a status, not an exception.
-
-        Raises
-        ------
-        ValueError
-            If the image's size is not the camera's.
-        """
-        check_image(image, self.modality, self.camera)
+    def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
         points_px = self.skeleton(self.ring_network(image))
         if len(points_px) < self.assumptions.min_ring_pixels:
             return Estimate(t_us, Status.NO_RING)
         ring = self.fit_ellipse(points_px)
         if ring is None:
             return Estimate(t_us, Status.NO_ELLIPSE)
-        fit = self.find_yaw(self.reflector_network(image), self.candidates(ring))
+        candidates = self.candidates(ring)
+        fit = self.find_yaw(self.find_reflectors(image, candidates), candidates)
         return Estimate(
             t_us,
             Status.OK,
@@ -99,7 +87,7 @@ class PrintedEstimator:
     def skeleton(self, ring_mask: np.ndarray) -> np.ndarray:
         """Pixels (M, 2) of the skeleton of the mask (H, W) above one threshold."""
         points_px = skeleton_points(ring_mask, self.assumptions.mask_threshold, peak_share=0.0)
-        return undistort_points(points_px, self.camera)
+        return undistort_points(points_px, self.grid)
 
     def fit_ellipse(self, points_px: np.ndarray) -> Ellipse | None:
         """The ellipse of the paper's RANSAC through points (M, 2), or None where no hypothesis passes."""
@@ -107,8 +95,8 @@ class PrintedEstimator:
 
     def candidates(self, ring: Ellipse) -> Pose:
         """Poses (2,) by the printed formulas for centre and normals; their yaw is arbitrary."""
-        return circle.paper_poses(ring, self.camera, self.port.ring_radius_m)
+        return circle.paper_poses(ring, self.grid, self.port.ring_radius_m)
 
     def find_yaw(self, reflector_mask: np.ndarray, candidates: Pose) -> yaw.YawFit:
         """The better normal and its yaw, by the paper's grid, from a mask (H, W)."""
-        return yaw.paper_yaw(reflector_mask, candidates, self.port, self.camera, self.paper)
+        return yaw.paper_yaw(reflector_mask, candidates, self.port, self.grid, self.paper)

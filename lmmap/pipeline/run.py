@@ -5,8 +5,9 @@ from __future__ import annotations
 import heapq
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import repeat
 from typing import NamedTuple
 
@@ -15,8 +16,9 @@ import torch
 
 from ..settings import Settings
 from ..types import AnyRecording, Estimate, InputError, Pose
-from .estimator import Estimator, settings_for
+from .estimator import Estimator
 from .histograms import window_histograms, windows_at, windows_of
+from .image_estimator import settings_for
 
 AT_ONCE = 2  # images estimated in parallel
 
@@ -87,10 +89,15 @@ def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray,
 
 
 def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterator[tuple]:
-    """Yield ``(image, estimate)`` for each `TimedImage`, in their order; two are worked on at a time.
+    """Yield ``(image, estimate)`` for each `TimedImage`, in their order, as `each_image` does."""
+    return each_image(timed, partial(estimate_image, estimator))
+
+
+def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], object]) -> Iterator:
+    """Yield a function's value of each `TimedImage`, in their order; two are worked on at a time.
 
     On two cores that is faster than two threads on one image, because the numpy half runs on one thread.  An
-    `InputError` among the images is raised after the estimates of those before it.
+    `InputError` among the images is raised after the values of those before it.
     """
     waiting, end, timed = deque(), None, iter(timed)
     threads = max(torch.get_num_threads() // AT_ONCE, 1)
@@ -98,7 +105,7 @@ def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterat
         while waiting or not end:
             try:
                 while not end and len(waiting) <= AT_ONCE:
-                    waiting.append(pool.submit(estimate_image, estimator, next(timed)))
+                    waiting.append(pool.submit(function, next(timed)))
             except (StopIteration, InputError) as reason:
                 end = reason
             if waiting:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import joblib
@@ -12,7 +13,7 @@ from ..bench import laboratory, sequences, simulate
 from ..files import has_mark, tune_allocator, write_text
 from ..pipeline.estimator import Estimator
 from ..pipeline.network import best_precision
-from ..pipeline.run import estimate, merge_by_time
+from ..pipeline.run import each_image, estimate, merge_by_time, timed_images
 from ..pipeline.weights import shipped_gaps
 from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
@@ -22,16 +23,17 @@ from ..tracking.fusion import fuse
 from ..training.dataset import BENCH
 from ..training.mask_quality import filter_quality
 from ..types import Estimate, Port, Recording
-from . import accuracy_tables, pose_errors
+from . import accuracy_tables, ladder, pose_errors
 from .accuracy_tables import DRAWS, SEED, label
 from .archive import pack, unpack
 from .claims import claims
 from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 
 ESTIMATE_SOURCES = source_files("pipeline.run", "recordings.pose_files")
+LADDER_SOURCES = source_files("studies.ladder")
 RESULT_SOURCES = (
     *source_files("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
-             "training.mask_quality", "studies.pose_errors"),
+             "training.mask_quality", "studies.pose_errors", "studies.ladder"),
     "data/weights/*", "environment.txt",
 )  # fmt: skip
 TRAJECTORIES = {"quick": 1, "paper": 3}  # test trajectories, each under every light
@@ -143,6 +145,8 @@ def _sequence(name: str, profile: str, folder: Path, mark: str, report, pictures
                 })  # fmt: skip
     files.append(save_table(folder / f"counts-{name}.csv", pd.DataFrame(counts), **facts))
     if kind == "test":
+        cells = product(MODALITIES, DOMAIN_GAPS)
+        files += [folder / f"ladder-{label(name, modality, gap)}.csv" for modality, gap in cells]
         fits = filter_quality(recording, shipped_gaps())
         files.append(save_table(folder / f"filters-{name}.csv", fits, **facts))
     else:  # the page on hard cases draws these few
@@ -190,11 +194,18 @@ def _estimates(recording: Recording, modality: str, gap: str, rate_hz: float, fo
                report) -> list[Estimate]:  # fmt: skip
     """Estimates of a recording, made unless those in the folder are of the same estimator and filters."""
     name = label(recording.name, modality, gap)
-    mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz))
+    mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz), sources=LADDER_SOURCES)
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and has_mark(done, mark)):
         estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
-        write_estimates(estimates := list(estimate(recording, estimator, rate_hz)), path)
+        if recording.name.startswith("test"):
+            timed = timed_images(recording, modality, estimator.settings, rate_hz)
+            estimates, rungs = zip(*each_image(timed, ladder.Ladder(estimator)), strict=True)
+            table = ladder.errors(recording, rungs, estimator.port)
+            save_table(folder / f"ladder-{name}.csv", table, seed=recording.name)
+        else:
+            estimates = list(estimate(recording, estimator, rate_hz))
+        write_estimates(estimates, path)
         poses = sum(e.T_cam_port is not None for e in estimates)
         report(f"{name}: {poses} poses in {len(estimates)} images")
         write_text(done, mark)
@@ -209,5 +220,6 @@ def _tabulate(profile: str, folder: Path) -> None:
     for target in [folder, COMMITTED] if profile == "paper" else [folder]:
         for name, table in tables.items():
             save_table(target / f"{name}.csv", table, **facts)
-        rows = claims(pose_errors.compare(target), tables["counts"], tables["saturation"])
+        judged = (tables[name] for name in ("counts", "saturation", "filters"))
+        rows = claims(pose_errors.compare(target), *judged)
         save_table(target / "claims.csv", rows, **facts)

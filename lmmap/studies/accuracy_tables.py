@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from ..training.mask_quality import medians
-from . import error_statistics, pose_errors
-from .pose_errors import DOMAIN_GAPS, TRACKS
+from . import error_statistics, ladder, pose_errors
+from .pose_errors import DOMAIN_GAPS, MODALITIES, TRACKS
 from .right_and_wrong import right_and_wrong
 
 DRAWS, SEED = 1000, 0  # of the bootstrap
@@ -62,7 +62,15 @@ def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[
         for name, parts in by_modality.items()
     }
     tables["fusion"] = error_statistics.against_better(errors, DRAWS, SEED)
+    tables["ladder"] = pd.concat(_ladder(folder, names, m, gap, errors) for m in MODALITIES)
     return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
+
+
+def _ladder(folder: Path, names: list[str], modality: str, gap: str, errors: dict) -> pd.DataFrame:
+    """Every rung's cells of one modality."""
+    measured = [pd.read_csv(folder / f"ladder-{label(name, modality, gap)}.csv") for name in names]
+    cells = ladder.summary(measured, errors[modality], errors["fused"], DRAWS, SEED)
+    return cells.assign(modality=modality)
 
 
 def _by_sequence(names: list[str], errors: list[pd.DataFrame]) -> pd.DataFrame:

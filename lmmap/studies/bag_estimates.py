@@ -7,7 +7,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ..files import has_mark
-from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
 from ..pipeline.run import estimate_images, timed_images
 from ..provenance import fingerprint
 from ..recordings.formats import open_stream

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
 from ..pipeline.weights import FILTERS, weight_path
 from ..provenance import DERIVED_DATA, save_json, save_table
 from ..recordings.formats import open_stream

@@ -13,7 +13,7 @@ from ..bench.renderer import ray_grid
 from ..geometry.port import circle_points_m, in_view
 from ..geometry.projection import project
 from ..pipeline import run
-from ..pipeline.estimator import markers_box_px
+from ..pipeline.image_estimator import markers_box_px
 from ..pipeline.ring import binarise
 from ..pipeline.weights import FILTERS, load_network, weight_path
 from ..settings import OURS, Settings

@@ -19,7 +19,8 @@ from test_bad_input import write_camera
 from lmmap.bench import laboratory
 from lmmap.cli import arguments, choices, main, progress
 from lmmap.pipeline import run as pipeline
-from lmmap.pipeline.estimator import Estimator, settings_for
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
 from lmmap.provenance import DATA, ROOT
@@ -193,6 +194,16 @@ def test_evaluate_has_all_three(capsys):
     assert found["fused"]["paper_formula_position_median_mm"] is None
     only = json.loads(run(capsys, "evaluate", MINI, "--rate", "10", "--modality", "fused", "--json")[1])
     assert only == {"fused": found["fused"]}
+
+
+def test_as_printed_is_the_paper_s_procedure(capsys):
+    """Its normals err by the formula's bias; it knows no fusion."""
+    argv = ("evaluate", MINI, "--rate", "5", "--as-printed", "--json", "--modality")
+    report = json.loads(run(capsys, *argv, "rgb")[1])["rgb"]
+    assert report["normal_error_median_deg"] > 3 and report["position_error_median_mm"] < 20
+    assert report["paper_formula_normal_median_deg"] is None
+    code, _, err = run(capsys, *argv, "fused")
+    assert code == 1 and "the paper fuses nothing" in err
 
 
 def test_overlay_has_a_picture_an_image(tmp_path, capsys):

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from lmmap.pages import accuracy_page, tables
-from lmmap.studies.claims import COLUMNS
+from lmmap.studies.verdicts import row
 
 
 def test_differences_are_counted(compared):
@@ -79,12 +79,15 @@ def test_saturation_stands_beside_the_papers():
 
 
 def test_claims_lose_no_column():
-    claims = pd.DataFrame(
-        [["It is so", "1 | 2", "printed 3; 4; ours 5; 6", "holds", "a `rule`"]], columns=COLUMNS
-    )
+    cells = {"printed": ("3; 4", "partly"), "ours": ("5; 6", "holds")}
+    claims = pd.DataFrame([row("It is so", "1 | 2", cells, "a `rule`", decides="ours")])
     page = tables.to_html(accuracy_page.claims_table(claims))
-    assert all(
-        part in page
-        for part in ("It is so", "a <code>rule</code>", "1 | 2", "printed 3; 4<br>ours 5; 6", "holds")
+    parts = (
+        "It is so",
+        "a <code>rule</code>",
+        "1 | 2",
+        "partly<br><small>3; 4",
+        "<b>holds</b><br><small>5; 6",
     )
+    assert all(part in page for part in parts) and "not run" not in page
     assert "why" not in tables.to_text(accuracy_page.claims_table(claims))

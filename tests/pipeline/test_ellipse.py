@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain import ransac_loop
 from strategies import CAMERA, PORT, ellipses, pose, seeds
 
 from lmmap.geometry import conics, rotations
@@ -103,6 +104,22 @@ def test_ransac_beats_the_papers_loop_on_half_arcs():
     settings = replace(ANY_ARC, ransac_hypotheses=250)
     ours = success(ellipse.fit_ransac, 0.5, 0.5, 40, settings)
     assert ours >= success(ellipse.paper_ransac, 0.5, 0.5, 40, settings) + 0.15
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_all_hypotheses_at_once_give_what_the_papers_loop_gives(seed):
+    """On pixels, where equal counts and singular draws occur; the last points lie on a row."""
+    rng, settings = np.random.default_rng(seed), replace(OURS, ransac_hypotheses=60)
+    ring = arc(Ellipse([150, 120], [60, 35], 0.5), rng, 80, noise_px=0.5)
+    points = np.round(np.concatenate([ring, rng.uniform(0, 250, (10 * seed, 2))]))
+    points[:, 1] = 100 if seed == 7 else points[:, 1]
+    answers = [f(points, np.random.default_rng(1), settings) for f in (ellipse.paper_ransac, ransac_loop)]
+    (at_once, inliers), (looped, expected) = answers
+    np.testing.assert_array_equal(inliers, expected)
+    if looped is None:
+        assert at_once is None and seed == 7
+    else:
+        np.testing.assert_allclose(at_once.points(), looped.points(), atol=1e-6)
 
 
 def test_the_papers_loop_finds_whole_rings():

@@ -11,7 +11,8 @@ from lmmap.geometry.port import ideal_masks, in_view
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline import yaw
-from lmmap.pipeline.estimator import Estimator, markers_box_px
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import markers_box_px
 from lmmap.pipeline.network import MaskNetwork
 from lmmap.pipeline.run import (
     TimedImage,

@@ -7,10 +7,10 @@ from conftest import facing_pose
 
 from lmmap import provenance
 from lmmap.recordings.pose_files import write_estimates
-from lmmap.studies import accuracy_run, accuracy_tables
+from lmmap.studies import accuracy_run, accuracy_tables, ladder
 from lmmap.studies.archive import pack, unpack
 from lmmap.studies.pose_errors import compare
-from lmmap.types import Camera, Ellipse, Estimate, InputError, Pose, Recording, Status, Trajectory
+from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
 
 T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
 OFF = [Pose(T.rotation, T.position_m + np.array([1e-3 * k, 0, 0])) for k in range(3)]
@@ -47,6 +47,11 @@ class Estimates:
             for k in range(30)
         ]  # fmt: skip
         write_estimates(found, folder / f"estimates-{name}.csv")
+        if recording.name.startswith("test"):
+            table = ladder.errors(
+                recording, [dict.fromkeys(ladder.MEASURED, e) for e in found], Port.lm_map()
+            )
+            table.to_csv(folder / f"ladder-{name}.csv", index=False)
         return found
 
 
@@ -78,7 +83,12 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert not [n for n in second.made if n.startswith(("test-low", "test-medium"))]
 
     cells = compare(quick)
-    assert len(cells) == 192 and cells.notna().all(axis=None)
+    stated = cells[cells.metric != "wrong_percent"]
+    assert len(stated) == 192 and stated.notna().all(axis=None)
+    wrong = cells[cells.metric == "wrong_percent"].drop(columns="table1")
+    assert len(wrong) == 24 and (wrong.ours == 0).all() and wrong.notna().all(axis=None)
+    rungs = pd.read_csv(quick / "ladder.csv")
+    assert len(rungs) == 3 * 2 * 2 * len(ladder.RUNGS) * 2 * 9 and rungs.value.notna().all()
     errors = cells[cells.metric == "position_error_m"]
     assert errors.ours.between(0, 2e-3).all() and errors.printed.eq(0).all()
     assert (errors.ours_low <= errors.ours + 1e-12).all() and (errors.ours <= errors.ours_high + 1e-12).all()
@@ -125,7 +135,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, mo
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 13
+    assert len(tables) == 14
     other, left, lines = quick.parent / "other", Estimates(), []
     monkeypatch.setattr(accuracy_run, "DERIVED_DATA", other)
     monkeypatch.setattr(accuracy_run, "_estimates", left)
@@ -182,8 +192,9 @@ def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch)
     monkeypatch.setattr(provenance, "ROOT", root)
     monkeypatch.setattr(accuracy_run, "ESTIMATE_SOURCES", ())
     monkeypatch.setattr(accuracy_run, "Estimator", lambda camera, port, modality, gap: made.append(gap))
+    monkeypatch.setattr(accuracy_run, "LADDER_SOURCES", ())
     monkeypatch.setattr(accuracy_run, "estimate", lambda *_: [Estimate(0, Status.NO_RING)])
-    seen = recorded("test-low", 3, tmp_path, None)
+    seen = recorded("hard-slow", 3, tmp_path, None)
 
     def count():
         accuracy_run._estimates(seen, "event", "low", 10.0, tmp_path, lambda line: None)

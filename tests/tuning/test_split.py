@@ -105,6 +105,20 @@ def test_the_second_look_is_the_scripts_choice():
 
 
 def test_the_thresholds_are_the_scripts_choice():
-    best = choose_thresholds.choice(pd.read_csv(DATA / "results" / "thresholds.csv"))
-    assert tuple(best[list(choose_thresholds.NAMES)]) == choose_thresholds.PRESENT
-    assert (OURS.mask_threshold, OURS.peak_share, OURS.min_marker_score) == choose_thresholds.PRESENT
+    """The settings stay, and the same table would not let thresholds stay that are much worse."""
+    table, names = pd.read_csv(DATA / "results" / "thresholds.csv"), list(choose_thresholds.NAMES)
+    ours = OURS.mask_threshold, OURS.peak_share, OURS.min_marker_score
+    assert tuple(choose_thresholds.choice(table, ours)[names]) == ours
+    for worse in ((OURS.mask_threshold, 0.0, OURS.min_marker_score), (0.9, 0.9, 0.9)):
+        assert tuple(choose_thresholds.choice(table, worse)[names]) != worse
+
+
+def test_thresholds_stay_within_chance_and_without_false_poses():
+    """Of 100 images: 80 right now, 81 or 90 with the next; a pose without a port rules out the best."""
+    rows = [(0.5, 0.9, 0.1, 100, 80, 0, 0), (0.6, 0.9, 0.1, 100, 81, 0, 0), (0.7, 0.9, 0.1, 100, 99, 0, 1)]
+    table = pd.DataFrame(rows, columns=[*choose_thresholds.NAMES, "images", "right", "wrong", "false"])
+    present = (0.5, 0.9, 0.1)
+    assert choose_thresholds.choice(table, present).mask_threshold == 0.5
+    assert choose_thresholds.choice(table.assign(right=[80, 90, 99]), present).mask_threshold == 0.6
+    assert choose_thresholds.choice(table.assign(wrong=[9, 0, 0]), present).mask_threshold == 0.6
+    assert choose_thresholds.choice(table.assign(false=0), present).mask_threshold == 0.7

@@ -1,0 +1,105 @@
+"""What every estimator is made of: a camera, the port, and the two mask networks of a modality."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
+from ..settings import OURS, Settings
+from ..types import Camera, Estimate, Port, Pose
+from . import yaw
+from .histograms import scaled_count
+from .inputs import AnyCamera, as_camera, check_image
+from .network import crop_bounds
+from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
+from .weights import load_networks
+
+Mask = Callable[[np.ndarray], np.ndarray]
+Weights = str | Path | tuple[Mask, Mask]
+
+
+def settings_for(camera: Camera, events_per_window: int | None = None) -> Settings:
+    """`OURS` with N scaled to the camera's pixels, or given."""
+    return replace(OURS, events_per_window=events_per_window or scaled_count(camera.size_px))
+
+
+class ImageEstimator:
+    """A camera's images, checked and resampled to the pixels that the networks know; `on_grid` is the rest.
+
+    Parameters
+    ----------
+    camera, port, modality, weights, settings, precision
+        As `Estimator`.
+    """
+
+    def __init__(self, camera: AnyCamera, port: Port | None, modality: str, weights: Weights,
+                 settings: Settings | None, precision: str):  # fmt: skip
+        if modality not in ("rgb", "event"):
+            raise ValueError(f"{type(self).__name__}: modality is 'rgb' or 'event', got {modality!r}")
+        self.camera, self.port = as_camera(camera), port or Port.lm_map()
+        self.modality, self.settings = modality, settings or settings_for(self.camera)
+        self.grid = network_camera(self.camera, modality, self.settings)
+        warn_of_lens(self.camera, self.port, self.settings)
+        named = isinstance(weights, str | Path)
+        self.ring_network, self.reflector_network = (
+            load_networks(weights, modality, precision) if named else weights
+        )
+
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of one image; a failed measurement is a status, not an exception.
+
+        Raises
+        ------
+        ValueError
+            If the image is not of the camera's size, or not as the modality has it: float, grey and RGBA
+            images are refused.  BGR cannot be told from RGB.
+        """
+        return self.in_camera(self.on_grid(self.checked(image), t_us))
+
+    def checked(self, image: np.ndarray) -> np.ndarray:
+        """An image of the camera in the pixels of `grid`; errors as in a call."""
+        check_image(image, self.modality, self.camera)
+        return resample(image, self.grid)
+
+    def in_camera(self, estimate: Estimate) -> Estimate:
+        """An estimate of `on_grid`, its ellipse in the camera's pixels, judged by the training's rings."""
+        if estimate.ellipse is None:
+            return estimate
+        outside = outside_training(estimate.ellipse, self.settings)
+        ring = ellipse_in(estimate.ellipse, self.grid, self.camera)
+        return replace(estimate, ellipse=ring, outside_training=outside)
+
+    def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
+        raise NotImplementedError
+
+    def ring_mask(self, image: np.ndarray) -> np.ndarray:
+        """The ring's mask (H, W) in the pixels of an image of the camera."""
+        mask = resample(self.ring_network(resample(image, self.grid)), self.camera)
+        return np.clip(mask, 0, 1)
+
+    def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
+        """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
+        low, high = markers_box_px(candidates, self.port, self.grid, self.settings.marker_border_px)
+        rows, columns = crop_bounds(low, high, self.grid.size_px, self.reflector_network)
+        mask = np.zeros(image.shape[:2], np.float32)
+        mask[rows, columns] = self.reflector_network(image[rows, columns])
+        return mask
+
+
+def markers_box_px(
+    T_cam_port: Pose, port: Port, camera: Camera, border_px: float = OURS.marker_border_px
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest (u, v) that the markers and the search for them reach at poses (N,), whatever
+    the yaw, and a border around that."""
+    disc = circle_points_m(yaw.reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
+    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
+    seen = seen[np.isfinite(seen).all(-1)]
+    if not len(seen):
+        return np.zeros(2), np.array(camera.size_px) - 1
+    return seen.min(0) - border_px, seen.max(0) + border_px
