@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
 from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, wide_table
 
@@ -43,7 +44,7 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     compared : `pose_errors.compare`
     """
     rows = {"table1": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
-    cell, cameras = ["training", "light", "modality"], ("rgb", "event")
+    cell = ["training", "light", "modality"]
     counts = answers.assign(
         ellipse=answers.in_view.where(answers.status.isin(["ok", "no_markers", "unsure"]), 0)
     )
@@ -51,30 +52,41 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     rates = compared[compared.metric == "detection_rate_percent"]
     rates = rates.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
     rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])
-    rates = rates.reindex(index=list(product(GAPS, rows)), columns=list(product(LIGHTS, cameras)))
-    wide = rates.rename(GAPS | rows).rename(LIGHTS | CAMERAS, axis=1)
-    return wide.rename_axis(index=(None, None), columns=(None, None)).style.format(precision=1)
+    return _renamed(rates.reindex(index=list(product(GAPS, rows))), GAPS | rows)
 
 
-def right_wrong_table(shares: pd.DataFrame):
-    """Right, wrong and absent poses in percent of the images with the ring in view, styled.
+def _renamed(wide: pd.DataFrame, rows: dict | None = None):
+    """A table by light and modality in words and to a digit, styled."""
+    wide = wide.reindex(columns=list(product(LIGHTS, ("rgb", "event")))).rename(rows or {})
+    wide = wide.rename(LIGHTS | CAMERAS, axis=1)
+    return wide.rename_axis(index=[None] * wide.index.nlevels, columns=(None, None)).style.format(precision=1)
 
-    Parameters
-    ----------
-    shares
-        `right_and_wrong` of one domain gap, by ``light`` and ``modality``.
-    """
-    fused = shares.query("modality == 'fused' and estimator == 'ours'").assign(estimator="fused")
-    cells = pd.concat(
-        [shares.query("modality != 'fused'"), *(fused.assign(modality=m) for m in ("rgb", "event"))]
-    )
-    kinds = {"right_percent": "right", "wrong_percent": "wrong", "none_percent": "no answer"}
-    wide = cells.set_index(["estimator", "light", "modality"])[list(kinds)].stack()
-    wide = wide.unstack(["light", "modality"]).rename_axis(index=(None, None))
-    rows = list(product(("printed", "ours", "certain", "fused"), kinds))
-    wide = wide.reindex(index=rows, columns=list(product(LIGHTS, ("rgb", "event"))))
-    wide = wide.rename(kinds).rename(LIGHTS | CAMERAS, axis=1)
-    return wide.rename_axis(columns=(None, None)).style.format(precision=1)
+
+def ladder_table(rungs: pd.DataFrame):
+    """Cells of ``ladder.csv`` of one domain gap, without outlier filter, styled: a row a rung, a column a
+    light and camera."""
+    cells = rungs[rungs.outlier_filter == "without"].set_index(["metric", "statistic"])
+    tables = {}
+    for key in (("normal_error_deg", "median"), ("position_error_m", "rmse"),
+                ("detection_rate_percent", "in_fov"), ("wrong_percent", "in_fov")):  # fmt: skip
+        scale = 1e3 if key[0] == "position_error_m" else 1.0
+        wide = cells.loc[[key]].pivot(index="rung", columns=["light", "modality"], values="value")
+        tables[WORDS[key]] = scale * wide.loc[list(RUNGS)]
+    return _renamed(pd.concat(tables))
+
+
+def assumptions_table(effects: pd.DataFrame):
+    """`assumptions.effects` in words, styled: a row a change."""
+    words = {"mask_threshold": "threshold of the mask", "min_ring_pixels": "least pixels (gamma_S)",
+             "ransac_hypotheses": "ellipses drawn (H)", "min_axis_ratio": "least ratio of the axes",
+             "ransac_tolerance_px": "an inlier's distance (px)", "none": "all as assumed"}  # fmt: skip
+    columns = {"found_percent": "found (%)", "wrong_percent": "wrong (%)", "position_mm": "position (mm)",
+               "normal_deg": "normal (°)"}  # fmt: skip
+    value = effects.value.map(lambda v: f" to {v:g}", na_action="ignore").fillna("")
+    change = effects.change.replace("as assumed", "") + value
+    rows = effects.assign(assumption=effects.assumption.map(words), change=change)
+    rows = rows.set_index(["assumption", "change"])[list(columns)].rename(columns=columns)
+    return rows.rename_axis(index=(None, None)).style.format(precision=1, na_rep="none")
 
 
 def seed_table(table: pd.DataFrame) -> pd.DataFrame:

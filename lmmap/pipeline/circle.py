@@ -60,22 +60,38 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
         As `poses`.
     """
     _check(ellipse, radius_m)
-    minor = _minor_direction(ellipse)
-    major = np.stack([minor[..., 1], -minor[..., 0]], -1)
-    a, b = ellipse.semi_axes_px[..., :1], ellipse.semi_axes_px[..., 1:]
-    v_M1, v_M2, v_m1, v_m2 = (
-        _unit_bearing(ellipse.centre_px + offset, camera)
-        for offset in (a * major, -a * major, b * minor, -b * minor)
-    )
-    scale = radius_m / np.linalg.norm(v_M2 - v_M1, axis=-1, keepdims=True)
-    p = scale * (v_M1 + v_M2)
-    v_m, p = np.stack([v_m1, v_m2], -2), np.stack([p, p], -2)
-    along = np.sum(v_m * p, -1)
-    discriminant = along**2 - np.sum(p * p, -1) + radius_m**2
-    d = along - np.sqrt(np.maximum(discriminant, 0))
-    n = np.cross((v_M2 - v_M1)[..., None, :], d[..., None] * v_m - p)
+    major, minor = axis_bearings(ellipse, camera)
+    p = printed_centre(major, radius_m)[..., None, :]
+    nearer, _ = points_on_sphere(minor, p, radius_m)
+    n = np.cross((major[..., 1, :] - major[..., 0, :])[..., None, :], nearer - p)
     n = n / np.linalg.norm(n, axis=-1, keepdims=True)
-    return Pose(_frame(-n * _sign(np.sum(n * p, -1))), p)
+    return Pose(_frame(-n * _sign(np.sum(n * p, -1))), np.broadcast_to(p, n.shape))
+
+
+def axis_bearings(ellipse: Ellipse, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Unit bearings (..., 2, 3) of both ends of the major and of the minor axis of undistorted ellipses."""
+    minor = _minor_direction(ellipse)
+    directions = np.stack([np.stack([minor[..., 1], -minor[..., 0]], -1), minor], -2)
+    half_px = ellipse.semi_axes_px[..., None] * directions  # (..., axis, 2)
+    ends_px = ellipse.centre_px[..., None, None, :] + np.stack([half_px, -half_px], -2)
+    v = _unit_bearing(ends_px, camera)
+    return v[..., 0, :, :], v[..., 1, :, :]
+
+
+def printed_centre(major, radius_m: float) -> np.ndarray:
+    """The paper's position (..., 3) of the ring, from the bearings (..., 2, 3) of the major axis' ends."""
+    along = np.linalg.norm(major[..., 1, :] - major[..., 0, :], axis=-1, keepdims=True)
+    return radius_m * major.sum(-2) / along
+
+
+def points_on_sphere(v, p, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where lines of sight (..., 3) enter and leave the sphere of a radius around p (..., 3); where they miss
+    it, the point of the line nearest to p."""
+    along = np.sum(v * p, -1)
+    discriminant = along**2 - np.sum(p * p, -1) + radius_m**2
+    half_chord_m = np.sqrt(np.maximum(discriminant, 0))
+    nearer, further = ((along + sign * half_chord_m)[..., None] * v for sign in (-1, 1))
+    return nearer, further
 
 
 def _frame(n) -> np.ndarray:

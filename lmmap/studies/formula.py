@@ -14,7 +14,7 @@ import pandas as pd
 from ..bench.laboratory import SECONDS, sequence, sequence_motion
 from ..geometry.conics import circle_ellipse
 from ..geometry.port import in_view
-from ..geometry.projection import bearings
+from ..pipeline import circle
 from ..types import Camera, Ellipse, Port, Pose
 
 READINGS = {
@@ -48,13 +48,11 @@ def normals(ellipse: Ellipse, camera: Camera, radius_m: float, reading: str, cen
     """
     if reading not in READINGS:
         raise ValueError(f"reading: expected one of {', '.join(READINGS)}, got {reading!r}")
-    v_major, v_minor = _axis_bearings(ellipse, camera)
+    v_major, v_minor = circle.axis_bearings(ellipse, camera)
     major = v_major[..., 1, :] - v_major[..., 0, :]
-    p = radius_m * v_major.sum(-2) / np.linalg.norm(major, axis=-1, keepdims=True)
-    p = np.asarray(centre_m, float) if reading == "true centre" else p
-    along = np.sum(v_minor * p[..., None, :], -1)
-    half_chord = np.sqrt(np.maximum(along**2 - np.sum(p * p, -1)[..., None] + radius_m**2, 0))
-    near, far = ((along + sign * half_chord)[..., None] * v_minor for sign in (-1, 1))
+    p = centre_m if reading == "true centre" else circle.printed_centre(v_major, radius_m)
+    p = np.asarray(p, float)
+    near, far = circle.points_on_sphere(v_minor, p[..., None, :], radius_m)
     minor = {
         "ends": np.stack([near[..., 0, :] - far[..., 1, :], near[..., 1, :] - far[..., 0, :]], -2),
         "four": np.concatenate([near, far], -2) - p[..., None, :],
@@ -62,17 +60,6 @@ def normals(ellipse: Ellipse, camera: Camera, radius_m: float, reading: str, cen
     n = np.cross(major[..., None, :], minor)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
     return -n * np.where(np.sum(n * p[..., None, :], -1) >= 0, 1.0, -1.0)[..., None]
-
-
-def _axis_bearings(ellipse: Ellipse, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Unit bearings (..., 2, 3) of both ends of the major and of the minor axis."""
-    cosine, sine = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
-    directions = np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], -2)
-    half = ellipse.semi_axes_px[..., None] * directions  # (..., axis, 2)
-    ends_px = ellipse.centre_px[..., None, None, :] + np.stack([half, -half], -2)
-    v = bearings(ends_px, camera)
-    v = v / np.linalg.norm(v, axis=-1, keepdims=True)
-    return v[..., 0, :, :], v[..., 1, :, :]
 
 
 def bench_poses(camera: Camera, port: Port, trajectories: int = 3, rate_hz: float = 10.0) -> Pose:

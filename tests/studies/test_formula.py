@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 from strategies import CAMERA, PORT
 
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.pipeline import circle
 from lmmap.studies import formula
 from lmmap.types import Pose
 
@@ -43,13 +42,6 @@ def test_the_ellipse_s_centre_is_not_the_circle_s(tilt_deg):
     offset_px = np.linalg.norm(seen.centre_px - [CAMERA.cx_px, CAMERA.cy_px])
     expected = formula.centre_offset_rad(Z, np.deg2rad(tilt_deg), NU)
     assert np.arctan(offset_px / CAMERA.fx_px) == pytest.approx(expected, abs=1e-9)
-
-
-def test_the_printed_reading_is_the_estimator_s(poses):
-    ellipse = circle_ellipse(poses, NU, CAMERA)
-    ours = formula.normals(ellipse, CAMERA, NU, "printed")
-    theirs = circle.paper_poses(ellipse, CAMERA, NU).normal
-    np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 def test_readings_by_tilt_and_by_lens(poses):
