@@ -9,7 +9,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from ..pipeline.estimator import Estimator, settings_for
+from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
 from ..pipeline.run import estimate_image, timed_images
 from ..recordings.formats import open_recording, read_estimates
 from ..studies.pose_errors import METRICS, errors

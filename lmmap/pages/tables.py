@@ -77,7 +77,7 @@ def wide_table(cells: pd.DataFrame, statistics: Sequence[str], rows: Sequence[st
     wide = texts.pivot(index=["title", "row"], columns=["light", "camera"], values="text")
     index = product([words for (_, statistic), words in WORDS.items() if statistic in statistics], rows)
     wide = wide.reindex(index=list(index), columns=list(product(LIGHTS.values(), ("frames", "events"))))
-    return wide.rename_axis(index=(None, None), columns=(None, None))
+    return wide.dropna(how="all").rename_axis(index=(None, None), columns=(None, None))
 
 
 def metric_titles(cells: pd.DataFrame) -> list[str]:

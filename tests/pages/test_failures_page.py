@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from lmmap.pages import failures_page
-from lmmap.pipeline.estimator import Estimator, settings_for
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import estimate
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording, write_estimates, write_recording
