@@ -17,7 +17,8 @@ import numpy as np
 from ..geometry.projection import project
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose
-from .estimator import Estimator, Mask
+from .estimator import Estimator
+from .image_estimator import Mask
 from .local_search import contrast
 from .network import SATURATION
 

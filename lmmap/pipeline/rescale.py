@@ -42,7 +42,7 @@ def warn_of_lens(camera: Camera, port: Port, settings: Settings = OURS) -> None:
         warnings.warn(
             f"lens of {camera.fx_px:.0f} px: shorter than in the training; the networks know the ring from "
             f"{near_m:.2f} to {far_m:.2f} m with it, and further away most images have no pose",
-            stacklevel=3,
+            stacklevel=4,
         )
 
 
