@@ -97,8 +97,9 @@ serve: book  ## show the book on http://localhost:8000
 	@echo "serve: http://localhost:$(PORT) (Ctrl-C ends it)"
 	@$(BIN)/python -m http.server $(PORT) --bind 127.0.0.1 --directory _build/html
 
-lab: env  ## open the chapters as notebooks in JupyterLab
-	@$(BIN)/jupyter lab book
+lab: env  ## open the chapters as notebooks in JupyterLab (copies in _build/lab; the chapters stay as they are)
+	@$(BIN)/python book/_ext/lmmap_notebooks.py _build/lab
+	@JUPYTER_CONFIG_PATH=book/_lab $(BIN)/jupyter lab --ServerApp.root_dir=. _build/lab/intro.ipynb
 
 train: env  ## train all twelve filters (an interrupted run goes on)
 	@$(BIN)/python -m lmmap train

@@ -12,6 +12,7 @@ import nbformat
 import plotly
 from docutils import nodes
 from jupyter_cache import get_cache
+from lmmap_notebooks import chapters, known_numbers, readable
 from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
@@ -87,6 +88,22 @@ def keep_outputs(app, exception) -> None:
         with suppress(KeyError):  # a chapter without code is not in the cache
             _, notebook = cache.merge_match_into_notebook(nbformat.read(path, 4))
             path.write_text(nbformat.writes(notebook))
+
+
+def offer_notebook(app, pagename, templatename, context, doctree) -> None:
+    """Offer a chapter as a notebook too, in the theme's menu of downloads."""
+    if (ROOT / f"{pagename}.md") in chapters():
+        context["ipynb_source"] = f"{pagename}.ipynb"
+
+
+def write_notebooks(app, exception) -> None:
+    """Write the notebooks that pages offer: executed, with their numbers in the text."""
+    executed = Path(app.outdir).parent / "jupyter_execute"
+    if exception is None and app.builder.format == "html":
+        numbers = known_numbers(executed)
+        for path in executed.rglob("*.ipynb"):
+            target = Path(app.outdir) / "_sources" / path.relative_to(executed)
+            nbformat.write(readable(nbformat.read(path, 4), numbers), target)
 
 
 def describe_figures(app, doctree) -> None:
@@ -170,4 +187,6 @@ def setup(app):
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
     app.connect("build-finished", drop_preloads)
     app.connect("build-finished", keep_outputs)
+    app.connect("html-page-context", offer_notebook, priority=100)  # before the theme's menu
+    app.connect("build-finished", write_notebooks, priority=900)  # after outputs are kept
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
