@@ -54,7 +54,7 @@ def follow(
     ----------
     half_width_px : of the strip about the ellipse in which the mask's stroke is looked for
     """
-    found = contour.trace(expected, mask, half_width_px, camera, settings)
+    found = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(1, 2))
     if found is None:
         return None
     major, minor = found.ellipse.semi_axes_px

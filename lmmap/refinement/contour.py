@@ -30,8 +30,9 @@ class Contour:
 
 
 def trace(
-    ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS
-) -> Contour | None:
+    ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
+    rounds: tuple[int, int] = (2, 4),
+) -> Contour | None:  # fmt: skip
     """Middle of a soft mask's stroke, started from a nearby ellipse; None where there is no stroke.
 
     Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits,
@@ -48,10 +49,11 @@ def trace(
     mask : (H, W), values in [0, 1], as the camera saw it
     half_width_px : of the strip along the major axis, about the stroke's full width
     camera : whose distortion the mask has; default none
+    rounds : of weights, in the first and in the second fit; a start within a pixel or two needs half of them
     """
     mask = np.asarray(mask, np.float32)
     offsets = np.arange(-half_width_px, half_width_px + 0.25, 0.5)
-    for rounds in (2, 4):
+    for fits in rounds:
         points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
         radius = np.linalg.norm(points - ellipse.centre_px, axis=1, keepdims=True)
         rays = (points - ellipse.centre_px) / radius
@@ -70,7 +72,7 @@ def trace(
         if good.mean() < settings.contour_min_rays:
             return None
         centroid = (weight[good] @ offsets / mass[good])[:, None]
-        ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, rounds)
+        ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, fits)
     return Contour(ellipse, (points[good] + centroid * rays[good])[inlier], sigma_px)
 
 

@@ -44,6 +44,7 @@ class Fusion:
         if not np.deg2rad(1) <= yaw_period_rad <= 2 * np.pi:
             raise ValueError(f"yaw_period_rad: expected 1 to 360 degrees in rad, got {yaw_period_rad!r}")
         self.motion, self.state = motion, None
+        self._ahead: tuple[MotionState, MotionState] | None = None  # a state, and what was predicted from it
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
         self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
@@ -115,7 +116,9 @@ class Fusion:
         """The track's state at a time not before its own; None while there is no track."""
         if self.state is None or t_us - max(self.seen_us.values()) > 1e6 * self.motion.lost_s:
             return None
-        return self.state.predict(t_us)
+        if self._ahead is None or self._ahead[0] is not self.state or self._ahead[1].t_us != t_us:
+            self._ahead = self.state, self.state.predict(t_us)
+        return self._ahead[1]
 
     def _match(self, track: MotionState, e: Estimate):
         """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the

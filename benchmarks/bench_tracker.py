@@ -1,0 +1,72 @@
+"""One image after another: the tracker against its estimator frame by frame and the plain path.
+
+    OMP_WAIT_POLICY=PASSIVE python benchmarks/bench_tracker.py
+
+All three see every image in turn, one at a time, in bfloat16 and in float32; medians over images.  The plain
+path is that of `bench_pipeline`: the paper's steps, eager float32 networks on full frames.  What the binning
+of a histogram takes is added to each.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch: waiting threads sleep
+
+import numpy as np
+import plain
+import torch
+from bench_pipeline import Watch, has_bfloat16, papers
+
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.run import timed_images
+from lmmap.provenance import DATA
+from lmmap.recordings.formats import open_recording
+from lmmap.settings import PAPER
+from lmmap.tracking.tracker import Tracker
+from lmmap.types import Status
+
+GOAL_HZ = {"bfloat16": 50.0, "float32": 30.0}
+LEAST_RATIO = 10.0  # to the plain path, in the faster precision
+WARM = 3  # images that nothing counts of
+
+
+def run(recording, modality: str, precision: str) -> dict[str, float]:
+    """Median ms of an image by each way, and the tracker's share of answers that are ok."""
+    estimator = Estimator(recording.camera, modality=modality, precision=precision)
+    tracker, nets, watch, statuses = Tracker(estimator), plain.nets(modality), Watch(), []
+    events = recording.events[: PAPER.events_per_window]
+    for k, shot in enumerate(timed_images(recording, modality)):
+        if k == WARM:
+            watch.seconds.clear()
+        if modality == "event":
+            watch("binning", histogram, events["x"], events["y"], recording.camera.size_px)
+        watch("plain", papers, Watch(), nets, estimator, shot.image)
+        watch("frame by frame", estimator, shot.image, shot.t_us)
+        statuses.append(watch("tracker", tracker, shot.image, shot.t_us).status)
+    ms = watch.ms()
+    binning_ms = ms.pop("binning", 0.0)
+    ok_percent = 100 * float(np.mean([status == Status.OK for status in statuses]))
+    return {name: value + binning_ms for name, value in ms.items()} | {"ok_percent": ok_percent}
+
+
+def main() -> None:
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    print(f"{torch.get_num_threads()} threads, processor {'with' if has_bfloat16() else 'without'} bfloat16")
+    print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
+    for precision, goal_hz in GOAL_HZ.items():
+        for modality in ("rgb", "event"):
+            ms = run(recording, modality, precision)
+            hz, ratio = 1e3 / ms["tracker"], ms["plain"] / ms["tracker"]
+            reached = hz >= goal_hz and ratio >= LEAST_RATIO
+            alone_ms, mine_ms, plain_ms = ms["frame by frame"], ms["tracker"], ms["plain"]
+            print(f"{precision:9}{modality:6}plain {plain_ms:6.1f} ms, frame by frame {alone_ms:5.1f} ms, "
+                  f"tracker {mine_ms:5.1f} ms = {hz:5.1f} Hz: {ratio:4.1f}x plain, "
+                  f"{alone_ms / mine_ms:3.1f}x frame by frame, ok {ms['ok_percent']:.0f} %; "
+                  f"goal {goal_hz:g} Hz and {LEAST_RATIO:g}x: {'reached' if reached else 'NOT reached'}",
+                  flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""The tracker against its estimator frame by frame: how often each is right, and how soon after a loss."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from ..pipeline.estimator import Estimator
+from ..pipeline.run import estimate_image, timed_images
+from ..settings import OURS, PAPER, Settings
+from ..tracking.tracker import Tracker, track_images
+from ..types import AnyRecording, Estimate, Status
+from . import pose_errors
+from .right_and_wrong import is_wrong
+
+
+def error_tables(
+    recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
+) -> dict[str, pd.DataFrame]:
+    """`pose_errors.errors` of a recording's images frame by frame and tracked, by these names.
+
+    Of the tracker's answers those count that an image supports; predictions are no poses here.
+    """
+    tracker, alone, tracked = Tracker(estimator), [], []
+    for shot in timed_images(recording, estimator.modality, estimator.settings, rate_hz):
+        alone.append(estimate_image(estimator, shot)[1])
+        tracked += [_seen(e) for _, e in track_images([shot], tracker)]
+    port = estimator.port
+    return {
+        "frame by frame": pose_errors.errors(recording, alone, port),
+        "tracked": pose_errors.errors(recording, tracked, port),
+    }
+
+
+def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str, float]:
+    """Shares in percent of the images with the whole ring in view, and how soon the port is found again.
+
+    Parameters
+    ----------
+    tables
+        `pose_errors.errors` of sequences.
+
+    Returns
+    -------
+    dict
+        ``images, right_percent, wrong_percent, none_percent``.  ``losses``: how often the ring came back;
+        ``found_late``: of these, after how many neither the first nor the second image had a right pose.
+    """
+    whole = pd.concat(tables).query("in_view")
+    wrong, seen = is_wrong(whole, "", settings), whole.position_error_m.notna().to_numpy()
+    waits = [wait for table in tables for wait in images_to_a_right_pose(table, settings)]
+    return {
+        "images": len(whole), "right_percent": 100 * (seen & ~wrong).mean(),
+        "wrong_percent": 100 * (seen & wrong).mean(), "none_percent": 100 * (~seen).mean(),
+        "losses": len(waits), "found_late": sum(wait > 2 for wait in waits),
+    }  # fmt: skip
+
+
+def images_to_a_right_pose(table: pd.DataFrame, settings: Settings = OURS) -> list[float]:
+    """For each time that the whole ring comes into view, the number of the first image with a right pose; inf
+    where none is right before it leaves.  Views of a single image do not count."""
+    in_view = table.in_view.to_numpy(bool)
+    right = table.position_error_m.notna().to_numpy() & ~is_wrong(table, "", settings)
+    comes = np.flatnonzero(in_view[1:] & ~in_view[:-1]) + 1
+    waits = []
+    for first in comes:
+        stays = np.argmin(np.append(in_view[first:], False))
+        if stays > 1:
+            hits = np.flatnonzero(right[first : first + stays])
+            waits.append(float(hits[0] + 1) if len(hits) else np.inf)
+    return waits
+
+
+def _seen(e: Estimate) -> Estimate:
+    return e if e.status == Status.OK else replace(e, T_cam_port=None, covariance=None)
