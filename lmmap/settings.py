@@ -118,12 +118,21 @@ class Settings(PaperSettings):
     edge_contrast: float = 0.5  # of the mask between inside and outside, for an edge to be seen
     min_edges: int = 20  # fewer edge points add nothing
 
+    # refinement on the image's edges; tuning/refine_on_edges.py
+    edge_rounds: int = 2  # Gauss-Newton steps; 0: none
+    edge_reach_px: float = 4.0  # to each side of the outline
+    edge_least: float = 1.3  # strength of an edge, in units of those around it
+    edge_outlier_sigmas: float = 1.5  # where an edge's influence falls
+    edge_sigma_px: float = 1.0  # of a point of the outline
+    edge_offset_px: float = 0.5  # standard deviation of how far all edges of a part are off alike
+
     # covariances: neighbouring samples of a mask err alike, so independent ones would promise too much.
     # By tuning/calibrate_uncertainty.py on sequences that neither train nor test, with networks on the bench
     # that trained them: other networks ask for a new measurement.
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
+    edge_inflation: PerCamera = PerCamera(rgb=1.68, event=2.13)  # of a pose's refined on the image's edges
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask

@@ -42,21 +42,22 @@ def views(set_name: str, modality: str, weights: str) -> list[dict]:
             position_m = position_error_m(pair[0], look.truth)
             if normal_rad.min() > OURS.right_normal_rad or position_m > OURS.right_position_m:
                 continue
-            reflectors = estimator.find_reflectors(look.image, pair)
+            reflectors, edges = estimator.find_reflectors(look.image, pair), outline.edges(look.image)
             fits = {"mask": yaw.fast_yaw(reflectors, pair, PORT, CAMERA),
-                    "both": yaw.fast_yaw(reflectors, pair, PORT, CAMERA, image=look.image)}  # fmt: skip
+                    "both": yaw.fast_yaw(reflectors, pair, PORT, CAMERA, OURS, edges,
+                                         OURS.yaw_weights[modality])}  # fmt: skip
             rows.append({
                 "set": set_name, "sequence": case.name, "light": case.light, "modality": modality,
-                "features": features(reflectors, look.image, pair),
+                "features": features(reflectors, edges, pair),
                 "true": near_truth(pair, look.truth, normal_rad),
                 **{name: right(fit.T_cam_port, look.truth, PORT) for name, fit in fits.items()},
             })  # fmt: skip
     return rows
 
 
-def features(reflectors, image, pair) -> np.ndarray:
+def features(reflectors, edges, pair) -> np.ndarray:
     """Mean of the mask inside the markers, and `outline.support`, at every normal and yaw (2, yaws, 4)."""
-    seen = outline.support(image, pair, PORT, CAMERA, round(PORT.yaw_period_rad / OURS.yaw_step_rad))
+    seen = outline.support(edges, pair, PORT, CAMERA, round(PORT.yaw_period_rad / OURS.yaw_step_rad))
     return np.concatenate([yaw.marker_means(reflectors, pair, PORT, CAMERA)[..., None], seen], -1)
 
 

@@ -39,10 +39,10 @@ from lmmap.types import Camera, Estimate, Port, Pose, Recording
 
 LIGHTS = ("low", "medium", "high")  # of `realistic-N`, by N modulo 3
 PLACES = {  # number of the first sequence, and how many of each light
-    "bench, tuning": (2001, {"low": 16, "medium": 24, "high": 84}),
-    "bench, held out": (2301, {"low": 12, "medium": 16, "high": 42}),
-    "other laboratory, tuning": (2501, {"low": 8, "medium": 8, "high": 20}),
-    "other laboratory, held out": (2601, {"low": 6, "medium": 6, "high": 14}),
+    "bench, tuning": (2001, {"low": 5, "medium": 8, "high": 25}),
+    "bench, held out": (2301, {"low": 4, "medium": 5, "high": 13}),
+    "other laboratory, tuning": (2501, {"low": 5, "medium": 5, "high": 12}),
+    "other laboratory, held out": (2601, {"low": 4, "medium": 4, "high": 8}),
 }
 SECONDS = {"low": 0.6, "medium": 0.8, "high": 0.4}  # length of a recording
 EACH = 2  # most images of each camera from it

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..geometry.projection import undistort_points
-from ..refinement import contour, joint, uncertainty, verify
+from ..refinement import contour, image_edges, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Ellipse, Estimate, Port, Pose, Status
-from . import circle, ellipse, local_search, yaw
+from . import circle, ellipse, local_search, outline, yaw
 from .follow import Expected, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
 from .inputs import AnyCamera
@@ -61,7 +61,9 @@ class Estimator(ImageEstimator):
             return Estimate(t_us, ring)
         fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
         reflectors = self.find_reflectors(image, candidates[:2] if near else candidates)
-        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, image)
+        edges = outline.edges(image)
+        best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, edges,
+                            self.settings.yaw_weights[self.modality])  # fmt: skip
         if best.score < self.settings.min_marker_score:
             unknown_rad = self.port.yaw_period_rad / np.sqrt(12)
             known = self.ring_uncertainty(candidates[0], ring, unknown_rad)
@@ -71,7 +73,7 @@ class Estimator(ImageEstimator):
         printed = None
         if near is None:
             printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings).T_cam_port
-        T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors)
+        T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors, edges)
         confidence = self.confidence(T_cam_port, covariance, best, image, ring_mask, reflectors)
         estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage,
                             best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
@@ -88,21 +90,29 @@ class Estimator(ImageEstimator):
         )
         return float(verify.confidence(evidence, self.settings))
 
-    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
-        """Pose with its covariance (6, 6), refined on ring and markers where the settings allow it and yaw
-        and enough of the markers' edges are known; and the ring's distance from head-on, in standard
-        deviations."""
+    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray, edges: np.ndarray):
+        """Pose with its covariance (6, 6), and the ring's distance from head-on, in standard deviations.
+
+        Where the yaw is known, the pose is refined on ring and markers together if enough of the markers'
+        edges are seen and the settings allow it, and then on the image's `outline.edges` (H, W).
+        """
         known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
-        if self.settings.refine_jointly and best.yaw_margin >= self.settings.min_yaw_margin:
-            marker_sigma_px = self.settings.marker_sigma_px[self.modality]
-            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.grid, sigma_px,
-                                marker_sigma_px, self.settings)  # fmt: skip
+        T_cam_port, covariance, settings = best.T_cam_port, known.covariance, self.settings
+        if best.yaw_margin < settings.min_yaw_margin:
+            return T_cam_port, covariance, known.tilt_sigmas
+        if settings.refine_jointly:
+            both = joint.refine(T_cam_port, ring.points_px, reflectors, self.port, self.grid, sigma_px,
+                                settings.marker_sigma_px[self.modality], settings)  # fmt: skip
             if both is not None:
-                covariance = joint.inflate(
-                    both.covariance, best.score, self.settings.joint_inflation[self.modality]
-                )
-                return both.T_cam_port, covariance, known.tilt_sigmas
-        return best.T_cam_port, known.covariance, known.tilt_sigmas
+                inflation = settings.joint_inflation[self.modality]
+                covariance = joint.inflate(both.covariance, best.score, inflation)
+                T_cam_port = both.T_cam_port
+        if settings.edge_rounds:
+            T_cam_port, covariance = image_edges.refine(
+                T_cam_port, covariance, edges, self.port, self.grid, settings
+            )
+            covariance = settings.edge_inflation[self.modality] * covariance
+        return T_cam_port, covariance, known.tilt_sigmas
 
     def sigma_px(self, ring: Contour) -> float:
         """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""

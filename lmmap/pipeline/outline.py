@@ -42,10 +42,9 @@ def edges(image) -> np.ndarray:
     return strength / (cv2.blur(strength, (EDGE_WINDOW_PX, EDGE_WINDOW_PX)) + noise)
 
 
-def support(image, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -> np.ndarray:
-    """Mean of an image's `edges` along the rim, the markers' outlines and the petals' tips of poses (N,) at
-    a number of yaws over one period, shape (N, yaws, 3)."""
-    strength = edges(image)
+def support(strength, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -> np.ndarray:
+    """Mean of an image's `edges` (H, W) along the rim, the markers' outlines and the petals' tips of poses
+    (N,) at a number of yaws over one period, shape (N, yaws, 3)."""
     parts = []
     for points_m, templates in (_plate(port, yaws), _tips(port, yaws)):
         value = sample(strength, project_points(T_cam_port, points_m, camera))

@@ -73,7 +73,13 @@ def paper_yaw(
 
 
 def fast_yaw(
-    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS, image=None
+    reflector_mask,
+    T_cam_port: Pose,
+    port: Port,
+    camera: Camera,
+    settings: Settings = OURS,
+    edges=None,
+    weights=None,
 ) -> YawFit:
     """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
 
@@ -84,21 +90,20 @@ def fast_yaw(
     larger one.  Arguments as `paper_yaw`; markers outside the image or behind the camera count as
     unlit.
 
-    With the image that the mask is of, a frame (H, W, 3) or a histogram (H, W), normal and yaw are those of
-    the greatest probability by the mask and by `outline.support` together.
+    With ``edges`` (H, W) of the image, `outline.edges`, normal and yaw are those of the greatest probability
+    by the mask and by `outline.support` together, with ``weights`` (4,), `Settings.yaw_weights`.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
     _, template, step_rad = _polar_template(port, settings.yaw_step_rad)
     folded, correlation = _correlate(mask, T_cam_port, port, camera, settings)
     criterion = correlation / template.sum()
-    if image is not None:
-        weights = settings.yaw_weights["rgb" if np.ndim(image) == 3 else "event"]
-        seen = outline.support(image, T_cam_port, port, camera, correlation.shape[-1])
+    if edges is not None:
+        seen = outline.support(edges, T_cam_port, port, camera, correlation.shape[-1])
         criterion = weights[0] * criterion + seen @ weights[1:]
         log_odds = outline.log_odds(criterion, T_cam_port, port, settings)
 
     yaw_rad, sigma_rad = _peak(criterion, correlation, folded, template, step_rad)
-    evidence = correlation if image is None else np.exp(criterion - criterion.max(1, keepdims=True))
+    evidence = correlation if edges is None else np.exp(criterion - criterion.max(1, keepdims=True))
     yaw_margin = _margin(evidence, settings.other_yaw_share)
     poses = _turn(T_cam_port, yaw_rad)
 
@@ -109,7 +114,7 @@ def fast_yaw(
     sigma_rad = np.where(
         yaw_margin >= settings.min_yaw_margin, np.minimum(sigma_rad, unknown_rad), unknown_rad
     )
-    if image is None:
+    if edges is None:
         return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
     probability = np.exp(criterion.max(1) - criterion.max())
     return replace(_fit(poses, probability, mean, sigma_rad, yaw_margin), log_odds=log_odds)

@@ -53,8 +53,8 @@ def refine(
     sides_m = _side_points_m(port)
     T = T_cam_port
     for _ in range(settings.joint_rounds):
-        moved = _moved(T, np.vstack([np.zeros(6), STEPS]))
-        theta = conic_coefficients(circle_conic(moved, port.ring_radius_m, camera))
+        steps = moved(T, np.vstack([np.zeros(6), STEPS]))
+        theta = conic_coefficients(circle_conic(steps, port.ring_radius_m, camera))
         distance = sampson_distance(theta, ring_points_px)  # (7, M)
         J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
         r_ring = distance[0] / ring_sigma_px
@@ -63,7 +63,7 @@ def refine(
         if edges is None:
             return None
         points_m, normal, gap_px = edges
-        seen = project(np.einsum("nij,kj->nki", moved.rotation, points_m) + moved.position_m[:, None], camera)
+        seen = project(np.einsum("nij,kj->nki", steps.rotation, points_m) + steps.position_m[:, None], camera)
         shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
         J_edge = np.column_stack([shift, np.ones(len(gap_px))]) / marker_sigma_px
         centred = gap_px - np.median(gap_px)
@@ -80,7 +80,7 @@ def refine(
             normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
         )
         step = step / scale
-        T = _moved(T, -step[None, :6])[0]
+        T = moved(T, -step[None, :6])[0]
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
     inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
@@ -96,7 +96,7 @@ def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
     return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
 
 
-def _moved(T: Pose, steps) -> Pose:
+def moved(T: Pose, steps) -> Pose:
     """Poses (N,) at small steps (N, 6) from one: position, then rotation on the left."""
     turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
     return Pose(turn @ T.rotation, T.position_m + steps[:, :3])

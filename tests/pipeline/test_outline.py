@@ -40,7 +40,9 @@ def drawing(T: Pose, parts=("rim", "markers", "tips")) -> np.ndarray:
 
 
 def support(image, T: Pose) -> np.ndarray:
-    return outline.support(image, Pose(T.rotation[None], T.position_m[None]), PORT, CAMERA, YAWS)[0]
+    return outline.support(
+        outline.edges(image), Pose(T.rotation[None], T.position_m[None]), PORT, CAMERA, YAWS
+    )[0]
 
 
 def test_each_part_is_strongest_at_the_true_yaw():
@@ -84,7 +86,7 @@ def test_the_image_decides_where_the_mask_cannot(kind):
         drawing(Pose(T.rotation @ rotation_z(np.array(a)), T.position_m), ["markers"]) for a in (0, np.pi / 3)
     )
     mask = cv2.GaussianBlur(0.05 * np.maximum(at, other).astype(np.float32), (0, 0), 2)
-    fit = yaw.fast_yaw(mask, pair, PORT, CAMERA, image=image)
+    fit = yaw.fast_yaw(mask, pair, PORT, CAMERA, OURS, outline.edges(image), OURS.yaw_weights[kind])
     turn = fit.T_cam_port.rotation.T @ T.rotation
     off_rad = (np.arctan2(turn[1, 0], turn[0, 0]) + np.pi / 3) % (2 * np.pi / 3) - np.pi / 3
     assert abs(off_rad) < np.deg2rad(2) and fit.T_cam_port.normal @ T.normal > np.cos(np.deg2rad(1))

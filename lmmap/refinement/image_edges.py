@@ -1,0 +1,111 @@
+"""Refines a pose on the image itself: where its edges are, not where the networks' masks say.
+
+The outline is the ring's two edges, the plate's rim and the petals' tips.  Along each point's normal the
+strongest edge near by is sought, and one Gauss-Newton step after another brings the outline there, held by
+the pose before with its covariance.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
+from ..geometry.rotations import rotation_z
+from ..geometry.sampling import sample
+from ..settings import OURS, Settings
+from ..types import Camera, Port, Pose, frozen_array
+from .joint import STEPS, moved
+from .verify import hidden
+
+RING_POINTS, SIDE_POINTS = 48, 6  # of each of the ring's edges, and of each side of the rim or tip
+OUTWARD_M = 0.001  # from a point of the outline to the one beside it
+PROFILE_STEP_PX = 0.5
+
+
+def refine(
+    T_cam_port: Pose, covariance, strength, port: Port, camera: Camera, settings: Settings = OURS
+) -> tuple[Pose, np.ndarray]:  # fmt: skip
+    """A pose and its covariance (6, 6) after the edges have been taken into account.
+
+    Parameters
+    ----------
+    covariance : (6, 6)
+        Of the pose before, conventions of `uncertainty`.
+    strength : (H, W)
+        Edges of the image, in units of those around them (`outline.edges`).
+
+    Notes
+    -----
+    Edges look wider or narrower than they are, by lens and glare: how far the ring's two edges are off
+    outward, and the plate's, are two more unknowns.  An edge `edge_reach_px` away has no say.  With too few
+    edges (`min_edges`) the pose stays as it is.
+    """
+    points_m, outward_m, on_ring = _outline(port)
+    information = np.zeros((8, 8))
+    information[:6, :6] = np.linalg.inv(covariance)
+    information[6:, 6:] = np.eye(2) / settings.edge_offset_px**2
+    T, offset_px, sigma_px = T_cam_port, np.zeros(2), settings.edge_sigma_px
+    for _ in range(settings.edge_rounds):
+        at, beside = project(T @ np.stack([points_m, outward_m]), camera)
+        normal = (beside - at) / np.maximum(np.linalg.norm(beside - at, axis=1, keepdims=True), 1e-9)
+        gap_px, seen = _gaps(strength, at, normal, settings)
+        seen &= ~(on_ring & hidden(points_m, T.inverse.position_m, port))
+        if seen.sum() < settings.min_edges:
+            return T_cam_port, np.asarray(covariance)
+        steps = moved(T, np.vstack([np.zeros(6), STEPS]))
+        shifted = project(steps[:, None] @ points_m[seen], camera)
+        J = np.sum((shifted[1:] - shifted[0]) * normal[seen], -1).T / STEPS.diagonal()
+        J = np.column_stack([J, on_ring[seen], ~on_ring[seen]])
+        residual = gap_px[seen] - J[:, 6:] @ offset_px
+        weight = (1 + (residual / (settings.edge_outlier_sigmas * sigma_px)) ** 2) ** -2.0 / sigma_px**2
+        turned = Rotation.from_matrix(T.rotation @ T_cam_port.rotation.T).as_rotvec()
+        away = np.concatenate([T.position_m - T_cam_port.position_m, turned, offset_px])
+        normal_matrix = (J.T * weight) @ J + information
+        step = np.linalg.solve(normal_matrix, (J.T * weight) @ residual - information @ away)
+        T, offset_px = moved(T, step[None, :6])[0], offset_px + step[6:]
+    return T, np.linalg.inv(normal_matrix)[:6, :6]
+
+
+def _gaps(strength, at, normal, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """How far outward (N,) px the strongest edge is from points (N, 2), nearer ones first, and whether it
+    stands out (N,)."""
+    reach_px = settings.edge_reach_px
+    offsets_px = np.arange(-reach_px, reach_px + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
+    profile = sample(strength, at[:, None] + offsets_px[:, None] * normal[:, None])
+    profile = profile * np.exp(-0.5 * (offsets_px / (0.6 * reach_px)) ** 2)
+    row, k = np.arange(len(profile)), profile.argmax(1)
+    inside = (k > 0) & (k < len(offsets_px) - 1)
+    k = k.clip(1, len(offsets_px) - 2)
+    left, top, right = (profile[row, k + d] for d in (-1, 0, 1))
+    bend = np.maximum(2 * top - left - right, 1e-9)
+    gap_px = offsets_px[k] + (0.5 * (right - left) / bend).clip(-1, 1) * PROFILE_STEP_PX
+    return gap_px, inside & (top > settings.edge_least)
+
+
+@lru_cache
+def _outline(port: Port) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (N, 3) of ring, rim and tips, a point beside each outward, and which are of the ring (N,)."""
+    radii_m = port.ring_inner_radius_m, port.ring_outer_radius_m
+    inner, outer = (circle_points_m(radius_m, RING_POINTS) for radius_m in radii_m)
+    radial = circle_points_m(OUTWARD_M, RING_POINTS)
+    share = (np.arange(SIDE_POINTS) + 1) / (SIDE_POINTS + 1) - 0.5
+    points, beside = [inner, outer], [inner - radial, outer + radial]
+    tip_m, height_m = port.apothem_m + port.petal_lean_m, port.plate_height_m + port.petal_rise_m
+    sides = [(port.apothem_m, port.plate_circumradius_m, port.plate_height_m)] * (2 * port.symmetry)
+    yaws = [*(np.arange(2 * port.symmetry) / 2), *range(port.symmetry)]
+    sides += [(tip_m, port.petal_widths_m[1], height_m)] * port.symmetry
+    for (away_m, width_m, z_m), k in zip(sides, yaws, strict=True):
+        turn = rotation_z(np.array(k * port.yaw_period_rad))
+        side = np.stack([np.full_like(share, away_m), share * width_m, np.full_like(share, z_m)], -1)
+        points.append(side @ turn.T)
+        beside.append((side + np.array([OUTWARD_M, 0, 0])) @ turn.T)
+    on_ring = np.repeat([True, False], [2 * RING_POINTS, len(sides) * SIDE_POINTS])
+    return (
+        frozen_array(np.concatenate(points)),
+        frozen_array(np.concatenate(beside)),
+        frozen_array(on_ring, bool),
+    )
