@@ -106,7 +106,7 @@ class Settings(PaperSettings):
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
     # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
     # `outline.support`; tuning/fit_yaw.py
-    yaw_weights: PerCamera = PerCamera(rgb=(10.73, 8.72, 9.74, 4.23), event=(23.77, 15.08, 3.67, 3.78))
+    yaw_weights: PerCamera = PerCamera(rgb=(11.56, 9.66, 10.89, 4.16), event=(24.74, 16.37, 4.38, 3.63))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 

@@ -90,11 +90,12 @@ class Estimator(ImageEstimator):
         )
         return float(verify.confidence(evidence, self.settings))
 
-    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray, edges: np.ndarray):
+    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray, edges=None):
         """Pose with its covariance (6, 6), and the ring's distance from head-on, in standard deviations.
 
         Where the yaw is known, the pose is refined on ring and markers together if enough of the markers'
-        edges are seen and the settings allow it, and then on the image's `outline.edges` (H, W).
+        edges are seen and the settings allow it, and then on the image's `outline.edges` (H, W) if they
+        are given.
         """
         known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
         T_cam_port, covariance, settings = best.T_cam_port, known.covariance, self.settings
@@ -107,7 +108,7 @@ class Estimator(ImageEstimator):
                 inflation = settings.joint_inflation[self.modality]
                 covariance = joint.inflate(both.covariance, best.score, inflation)
                 T_cam_port = both.T_cam_port
-        if settings.edge_rounds:
+        if settings.edge_rounds and edges is not None:
             T_cam_port, covariance = image_edges.refine(
                 T_cam_port, covariance, edges, self.port, self.grid, settings
             )
