@@ -140,9 +140,9 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (-9.893, -1.756, -18.921, 3.991, 0.517)  # of position and normal
-    confidence_yaw: tuple[float, ...] = (-3.19, 0.408, -0.437, 5.894)  # that the yaw is right, if they are
-    min_confidence: float = 0.75  # below, the status is `UNSURE` and there is no pose
+    confidence_ring: tuple[float, ...] = (-3.758, -0.496, -21.199, 3.313, 0.73)  # of position and normal
+    confidence_yaw: tuple[float, ...] = (-3.458, 0.47, -0.415, 6.187)  # that the yaw is right, if they are
+    min_confidence: float = 0.8  # below, the status is `UNSURE` and there is no pose
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look
