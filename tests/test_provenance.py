@@ -92,3 +92,15 @@ def test_a_commit_is_marked_where_what_makes_results_differs_from_it(tmp_path, m
     assert len(head) == 12 and results.commit() == head
     module.write_text("2")
     assert results.commit() == head + "+"
+
+
+def test_results_that_are_not_made_yet_are_one_line_with_the_command(tmp_path, monkeypatch):
+    monkeypatch.setenv("PROFILE", "quick")
+    monkeypatch.setattr(results, "DERIVED_DATA", tmp_path)
+    with pytest.raises(results.InputError, match="run 'make reproduce'") as error:
+        results.made_results()
+    (shown,) = error.value._render_traceback_()  # what a notebook shows
+    assert shown == f"InputError: {error.value}" and "\n" not in shown
+    (tmp_path / "quick").mkdir()
+    (tmp_path / "quick" / "summary.csv").touch()
+    assert results.made_results() == tmp_path / "quick"

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..provenance import DERIVED_DATA, profile
+from ..provenance import made_results
 from ..studies.accuracy_run import COMMITTED
 from ..studies.ladder import RUNGS
 from .drawings import COLOUR
@@ -23,7 +23,7 @@ PANELS = (  # metric, statistic, scale, title
 
 def newest() -> Path:
     """The study's results: those of the paper's durations if they have a ladder, else the profile's."""
-    return COMMITTED if (COMMITTED / "ladder.csv").exists() else DERIVED_DATA / profile()
+    return COMMITTED if (COMMITTED / "ladder.csv").exists() else made_results()
 
 
 def means(rungs: pd.DataFrame, gap: str) -> pd.DataFrame:
