@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from vo.evo import event_frames, mapping, odometry, scenes, tracking
+from vo.evo import bootstrap, event_frames, mapping, odometry, scenes, tracking
 from vo.evo.constants import Constants
 
 from lmmap.geometry.rotations import rotation_angle_rad
@@ -48,6 +48,60 @@ def test_the_space_sweep_finds_a_plane_and_a_step(far_m):
         assert (side > 0).sum() > 60
         assert np.median(np.abs(side[side > 0] / true_m - 1)) < 0.02
         assert np.mean(np.abs(side[side > 0] / true_m - 1)) < 0.06
+
+
+def test_an_edge_along_the_motion_is_not_mapped():
+    """Its rays meet in all planes alike; an edge across the motion beside it is mapped."""
+    along = np.stack([np.linspace(-1.5, 1.5, 400), np.full(400, -0.3), np.full(400, 2.0)], -1)
+    across = np.stack([np.zeros(400), np.linspace(0.1, 0.6, 400), np.full(400, 2.0)], -1)
+    positions = np.stack([np.linspace(-0.2, 0.2, 120), np.zeros(120), np.zeros(120)], -1)
+    x, y = events_of(np.concatenate([along, across]), positions, CONSTANTS.packet_events)
+    planes, rotation = mapping.inverse_depths(1.0, 8.0, 100), np.tile(np.eye(3), (len(positions), 1, 1))
+    dsi = mapping.space_sweep(
+        x, y, rotation, positions, CAMERA.K, CAMERA.size_px, planes, CONSTANTS.packet_events
+    )
+    depth = mapping.extract(dsi, planes, CONSTANTS).depth
+    v = np.nonzero(depth)[0]
+    assert len(v) > 20 and v.min() > 45
+    np.testing.assert_allclose(depth[depth > 0], 2.0, rtol=0.03)
+
+
+def test_a_homography_gives_its_plane():
+    normal = np.array([0.3, -0.1, 1.0]) / np.linalg.norm([0.3, -0.1, 1.0])
+    R, t, distance = (
+        tracking.exponential(np.array([0, 0, 0, 0.02, 0.05, -0.03]))[0],
+        np.array([0.2, 0.1, 0.02]),
+        2.0,
+    )
+    H = CAMERA.K @ (R + np.outer(t, normal) / distance) @ np.linalg.inv(CAMERA.K)
+    plane = bootstrap.plane(H, CAMERA.K, CAMERA.size_px)
+    np.testing.assert_allclose(plane, normal / distance * np.linalg.norm(t), rtol=1e-6)
+    turn = CAMERA.K @ R @ np.linalg.inv(CAMERA.K)
+    assert bootstrap.plane(turn, CAMERA.K, CAMERA.size_px) is None
+
+
+def test_a_tilted_plane_is_read_off_event_frames():
+    """Depth of a textured plane that leans by 31 deg, seen from a camera that slides and turns."""
+    rng, constants = np.random.default_rng(3), Constants(events_per_frame=1500)
+    a, b = rng.uniform(-1.5, 1.5, (2, 60, 1)), 0.25 * np.linspace(-1, 1, 40)
+    angle = rng.uniform(0, np.pi, (60, 1))
+    X, Y = (a[0] + b * np.cos(angle)).ravel(), (a[1] + b * np.sin(angle)).ravel()
+    points = np.stack([X, Y, 2.0 + 0.6 * X], -1)
+    x, y = [], []
+    for share in np.linspace(0, 1, 40):
+        R = tracking.exponential(np.array([0, 0, 0, 0.02, -0.03, 0.04]) * share)[0]
+        pixel = (points - share * np.array([0.5, 0.2, 0.0])) @ (CAMERA.K @ R).T
+        u, v = np.rint(pixel[:, :2] / pixel[:, 2:]).astype(int).T
+        inside = (pixel[:, 2] > 0) & (u >= 0) & (v >= 0) & (u < CAMERA.width_px) & (v < CAMERA.height_px)
+        chosen = rng.choice(np.flatnonzero(inside), 1500)
+        x.append(u[chosen])
+        y.append(v[chosen])
+    depth = bootstrap.planar_depth(
+        np.concatenate(x), np.concatenate(y), 0, CAMERA.K, CAMERA.size_px, constants
+    )
+    u, v = np.meshgrid(np.arange(CAMERA.width_px), np.arange(CAMERA.height_px))
+    true = 1 / (1 - 0.6 * (u - CAMERA.K[0, 2]) / CAMERA.K[0, 0])
+    np.testing.assert_allclose(depth / depth[45, 60], true / true[45, 60], rtol=0.12)
 
 
 def test_a_ray_votes_once_in_every_plane_that_it_crosses_in_view():

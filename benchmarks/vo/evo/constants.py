@@ -17,7 +17,7 @@ class Constants:
 
     # event frames
     events_per_frame: int = 4000  # EVO: about 2000 on 240 x 180 px; the same density on 346 x 260
-    events_per_step: int = 2000  # open: a pose for each half frame of new events
+    events_per_step: int = 4000  # open: a pose for each frame of new events
     count_limit: int = 2  # open: events of one pixel that count
     frame_blur_px: float = 1.0  # open
 
@@ -28,20 +28,22 @@ class Constants:
     farthest_plane: float = 4.0  # open: of the mean depth
     threshold_window_px: int = 5  # EMVS: neighbourhood of the adaptive Gaussian threshold
     threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits
+    peak_share: float = 0.5  # open, and not in the papers: see `mapping.extract`
     median_window_px: int = 15  # EMVS: median filter of the semi-dense depth map
     cleaning_radius_px: int = 5  # EMVS removes isolated points by a radius filter; open: the numbers
     cleaning_neighbours: int = 6  # open
     cleaning_depth_ratio: float = 0.08  # open: relative difference of depth that still is a neighbour
     map_events: int = 300_000  # open: the most events of one map
-    map_points: int = 800  # open: the fewest points of a map that is used
+    map_points: int = 400  # open: the fewest points of a map that is used
+    map_retry_frames: int = 10  # open: frames until a map is tried again that had too few points
     map_baseline: float = 0.20  # open: of the mean depth; events seen from farther away are not used
 
     # tracking
     reference_blur_px: float = 1.5  # EVO blurs the projected map; open: how much
-    reference_points: int = 6000  # open: pixels of the reference that are aligned, at most
+    reference_points: int = 3000  # open: pixels of the reference that are aligned, at most
     reference_shift_px: float = 8.0  # open: mean motion after which the map is projected anew
     iterations: int = 15  # open
-    smallest_step: float = 2e-5  # open: of pose increments (rad, and mean depths)
+    smallest_step: float = 1e-4  # open: of pose increments (rad, and mean depths)
     damping: float = 1e-3  # open: of the normal equations' diagonal
 
     # keyframes and bootstrapping
@@ -52,5 +54,11 @@ class Constants:
     bootstrap_rounds: int = 14  # open: times that the first stretch is mapped and tracked again
     bootstrap_maps: int = 3  # open: maps until poses count as tracked
     bootstrap_events: int = 8000  # open: events of the first, planar map
+    bootstrap_plane: str = "fronto-parallel"  # EVO has both: this and "homography"
+    homography_blur_px: float = 2.5  # open, as all that follows of the homography
+    homography_iterations: int = 75  # EVO's released settings
+    homography_correlation: float = 0.4
+    homography_shift_px: float = 15.0  # mean motion of points after which the plane is read off
+    homography_frames: int = 60  # at most, until they have moved that far
     lost_similarity: float = 0.25  # open: cosine of map and event frame below which a frame is lost
     lost_frames: int = 20  # open: lost frames in a row that end a track

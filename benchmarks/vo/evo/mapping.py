@@ -59,12 +59,16 @@ def extract(dsi: np.ndarray, planes_inverse_depth: np.ndarray, constants: Consta
     """Depth of the largest count in each pixel, where that stands out (EMVS, section on scene structure).
 
     An adaptive Gaussian threshold on the confidence (the largest count) selects pixels, a median filter
-    smooths their depth, and points without neighbours of like depth are removed.
+    smooths their depth, and points without neighbours of like depth are removed.  Beyond the papers, a pixel
+    is selected only if its profile over the planes is a peak: on both sides of the maximum the count falls
+    below a share of it.  An edge along the camera's motion has no such peak, and its maximum lies anywhere,
+    often in the grid's last plane.
     """
     confidence, plane = _maximum(dsi)
     grey = confidence * (255 / max(float(confidence.max()), 1e-9))
     size = constants.threshold_window_px
     selected = grey > cv2.GaussianBlur(grey, (size, size), 0) + constants.threshold_offset
+    _keep_peaks(selected, dsi, confidence, plane, constants.peak_share)
     step = planes_inverse_depth[1] - planes_inverse_depth[0]
     inverse = np.where(selected, planes_inverse_depth[0] + plane * step, 0)
     inverse = _median(inverse, constants.median_window_px // 2)
@@ -72,6 +76,22 @@ def extract(dsi: np.ndarray, planes_inverse_depth: np.ndarray, constants: Consta
                      constants.cleaning_depth_ratio)  # fmt: skip
     depth = np.divide(1, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     return DepthMap(depth, confidence)
+
+
+@njit(cache=True, parallel=True)
+def _keep_peaks(selected, dsi, largest, plane, share):
+    """Unselect pixels whose profile does not fall below ``share`` of its maximum on both sides."""
+    planes, height, width = dsi.shape
+    for r in prange(height):
+        for c in range(width):
+            if selected[r, c]:
+                low, high = share * largest[r, c], int(np.rint(plane[r, c]))
+                near = far = high
+                while near >= 0 and dsi[near, r, c] > low:
+                    near -= 1
+                while far < planes and dsi[far, r, c] > low:
+                    far += 1
+                selected[r, c] = near >= 0 and far < planes
 
 
 @njit(cache=True, parallel=True, error_model="numpy")

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from lmmap.types import Camera, Pose, Trajectory
 
-from . import mapping, tracking
+from . import bootstrap, mapping, tracking
 from .constants import Constants
 from .event_frames import event_frame
 
@@ -74,11 +74,28 @@ class Odometry:
         ``first_depth`` (H, W) takes the place of the plane, for tests of tracking and mapping alone.
         """
         c, tracks, start = self.constants, [], 0
-        self._t_us, self._x, self._y = (np.ascontiguousarray(events[name]) for name in ("t_us", "x", "y"))
+        self._take(events)
         while start + c.bootstrap_events + c.events_per_frame < len(events):
             track, start = self._follow(start, first_depth)
             tracks.append(track)
         return tracks
+
+    def map_along(self, events, T_cam_world: Trajectory, mean_depth: float) -> Keyframe | None:
+        """The map of the last events (N,) EVENT from given poses: mapping alone, for tests of it.
+
+        The sweep begins within the baseline of ``mean_depth``; None if it gives too few points.
+        """
+        self._take(events)
+        c, track = self.constants, Track()
+        track.event = list(range(c.events_per_frame // 2, len(events), c.events_per_step))
+        track.t_us = self._t_us[track.event].tolist()
+        poses = T_cam_world.at(self._t_us[track.event])
+        track.rotation, track.position = list(poses.rotation), list(poses.position_m)
+        self._points = (np.array([[0, 0, mean_depth]]) - poses.position_m[-1]) @ poses.rotation[-1]
+        return track.keyframes[-1] if self._map(track) else None
+
+    def _take(self, events) -> None:
+        self._t_us, self._x, self._y = (np.ascontiguousarray(events[name]) for name in ("t_us", "x", "y"))
 
     def _follow(self, start: int, first_depth) -> tuple[Track, int]:
         """Bootstrap at an event and track until lost or out of events; the track, and where it ended."""
@@ -93,9 +110,11 @@ class Odometry:
             if self._lost_frames >= c.lost_frames or not np.isfinite(track.position[-1]).all():
                 track.lost = True
                 return track, stop
-            if not self._lost_frames and self._wants_keyframe(track):
+            self._waits -= self._waits > 0
+            if not self._lost_frames and not self._waits and self._wants_keyframe(track):
                 began_s = time.process_time()
                 made = self._map(track)
+                self._waits = 0 if made else c.map_retry_frames
                 self._count("mapping", began_s)
                 if made and self._rounds:
                     self._rounds -= 1
@@ -110,17 +129,20 @@ class Odometry:
         self.cpu_s["bootstrap" if self._rounds else step] += time.process_time() - began_s
 
     def _bootstrap(self, start: int, first_depth) -> None:
-        """The first map: events of a short time, laid on a fronto-parallel plane at depth 1 (EVO)."""
+        """The first map: events of a short time, laid on a plane (EVO)."""
         c = self.constants
-        image = self._frame(start, start + c.bootstrap_events)
-        plane = 1.0 if first_depth is None else first_depth
+        image, plane = self._frame(start, start + c.bootstrap_events), first_depth
+        if plane is None:
+            plane = np.ones_like(image)
+            if c.bootstrap_plane == "homography":
+                plane = bootstrap.planar_depth(self._x, self._y, start, self.K, self.size_px, c)
         depth = mapping.DepthMap(np.where(image > 0.5, plane, 0.0), image)
         self._points = depth.points(self.K)
-        self._free = TRANSLATION if first_depth is None else ALL
+        self._free = ALL if np.ptp(plane) > 0 else TRANSLATION
         self._rounds = c.bootstrap_rounds if first_depth is None else 0
         self._first_pose = np.eye(3), np.zeros(3)
         self._centre, self._keyframe_depth = np.zeros(3), float(np.median(self._points[:, 2]))
-        self._reference, self._lost_frames = None, 0
+        self._reference, self._lost_frames, self._waits = None, 0, 0
 
     def _return_to_start(self, track: Track) -> None:
         """Forget the poses of the first stretch, but not the map they have led to."""

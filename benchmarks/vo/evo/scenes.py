@@ -42,6 +42,7 @@ class Scene:
     sway_m: tuple[float, float, float]
     turn_rad: tuple[float, float, float]
     layout: str
+    slides_first: bool = True
 
 
 SCENES = (
@@ -50,11 +51,16 @@ SCENES = (
     Scene("desk-slow", 20.0, 1.0, (0.35, 0.20, 0.20), (0.08, 0.08, 0.10), "desk"),
     Scene("corner-fast", 12.0, 2.5, (0.40, 0.25, 0.25), (0.08, 0.10, 0.12), "corner"),
 )
+TURNING = (  # from the first moment on, which is hard on a start from a plane
+    Scene("boxes-turning", 6.0, 2.0, (0.45, 0.25, 0.20), (0.06, 0.08, 0.10), "boxes", False),
+    Scene("desk-turning", 6.0, 2.0, (0.35, 0.20, 0.20), (0.08, 0.08, 0.10), "desk", False),
+    Scene("corner-turning", 6.0, 2.0, (0.40, 0.25, 0.25), (0.08, 0.10, 0.12), "corner", False),
+)
 
 
 def scene(name: str) -> Scene:
     """The scene of a name; ``KeyError`` if there is none."""
-    return {s.name: s for s in SCENES}[name]
+    return {s.name: s for s in (*SCENES, *TURNING)}[name]
 
 
 def room(layout: str) -> Room:
@@ -98,8 +104,8 @@ def room(layout: str) -> Room:
 def motion(s: Scene, t_s) -> Pose:
     """``T_cam_world`` at times (N,): sums of three sinusoids along and about each axis.
 
-    The camera begins with a slide: rotation sets in between 1 and 3 s (divided by the speed).  EVO's start
-    from a plane asks for that; see `odometry.Odometry`.
+    With ``slides_first`` the camera begins with a slide: rotation sets in between 1 and 3 s (divided by the
+    speed), which EVO's start from a fronto-parallel plane asks for; see `odometry.Odometry`.
     """
     rng, t_s = np.random.default_rng(zlib.crc32(f"motion {s.name}".encode())), np.asarray(t_s, float)
 
@@ -108,7 +114,7 @@ def motion(s: Scene, t_s) -> Pose:
         return amplitude / 2 * np.sin(2 * np.pi * s.speed * frequency_hz * t_s[:, None] + phase).sum(1)
 
     position = np.stack([waves(a) for a in s.sway_m], -1)
-    onset = np.clip((s.speed * t_s - 1) / 2, 0, 1)[:, None]
+    onset = np.clip((s.speed * t_s - 1) / 2, 0, 1)[:, None] if s.slides_first else 1.0
     turn = np.stack([waves(a) for a in s.turn_rad], -1) * onset**2 * (3 - 2 * onset)
     rotation = Rotation.from_rotvec(turn).as_matrix()
     return Pose(rotation, position).inverse

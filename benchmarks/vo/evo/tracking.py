@@ -28,7 +28,8 @@ class Reference:
     position: np.ndarray
     points: np.ndarray  # (N, 3) in the reference camera's frame
     brightness: np.ndarray  # (N,) M at the pixels
-    jacobian: np.ndarray  # (N, 6) of M to (translation, rotation)
+    jacobian: np.ndarray  # (6, N) of M to (translation, rotation)
+    hessian: np.ndarray  # (6, 6) J^T J
     visible: float  # share of the map's points within the image
     mean_depth: float
 
@@ -77,10 +78,16 @@ def project_map(points, rotation, position, K, size_px, constants: Constants) ->
     seen = rays * depth[:, None]
     jacobian = np.einsum("ni,nij->nj", gradient, warp_jacobian(seen, K))
     mean_depth = float(np.median(depth)) if len(depth) else np.nan
-    visible = inside / max(len(points), 1)
-    brightness, jacobian = image[v, u].astype(float), np.ascontiguousarray(jacobian, float)
+    visible, J = inside / max(len(points), 1), np.ascontiguousarray(jacobian.T, np.float32)
     return Reference(
-        rotation, position, np.ascontiguousarray(seen), brightness, jacobian, visible, mean_depth
+        rotation,
+        position,
+        seen.astype(np.float32),
+        image[v, u],
+        J,
+        jacobian.T @ jacobian,
+        visible,
+        mean_depth,
     )
 
 
@@ -94,29 +101,32 @@ def align(image, reference: Reference, rotation, position, K, constants: Constan
     if len(reference.points) < 50:
         return rotation, position, 0.0, 0.0
     c, r = constants, reference
-    return _iterate(image, r.points, r.brightness, r.jacobian, np.ascontiguousarray(rotation),
+    return _iterate(image, r.points, r.brightness, r.jacobian, r.hessian, np.ascontiguousarray(rotation),
                     np.ascontiguousarray(position), K, r.mean_depth, free, c.iterations, c.smallest_step,
                     c.damping)  # fmt: skip
 
 
 @njit(cache=True)
-def _iterate(image, points, brightness, J, R, t, K, depth, free, iterations, smallest_step, damping):
-    """Lucas-Kanade's iterations; translation is solved for in units of the depth."""
+def _iterate(image, points, brightness, J, H, R, t, K, depth, free, iterations, smallest_step, damping):
+    """Lucas-Kanade's iterations; translation is solved for in units of the depth.
+
+    ``H = J^T J`` is that of all pixels, also where the warp leads out of the image: their residual counts as
+    none, which shortens a step and does not move the solution.
+    """
     scale = np.array([depth, depth, depth, 1.0, 1.0, 1.0])
+    A = (H * np.outer(scale, scale))[:free, :free].copy()
+    trace = np.trace(A)
+    for i in range(free):
+        A[i, i] += damping * A[i, i] + 1e-9 * trace + 1e-12
+    inverse, xi = np.linalg.inv(A), np.zeros(6)
+    I, M = np.empty_like(brightness), np.empty_like(brightness)
     similarity, shift_px = 0.0, 0.0
     for _ in range(iterations):
-        matrix, of_image, of_map, sums = _accumulate(image, points, brightness, J, R, t, K)
-        similarity, shift_px = sums[0] / max(np.sqrt(sums[1] * sums[2]), 1e-9), sums[3]
-        gain = sums[0] / max(sums[1], 1e-9)
-        A, b = np.empty((free, free)), np.empty(free)
-        for i in range(free):
-            b[i] = scale[i] * (gain * of_image[i] - of_map[i])
-            for j in range(free):
-                A[i, j] = scale[i] * scale[j] * matrix[i, j]
-        trace = np.trace(A)
-        for i in range(free):
-            A[i, i] += damping * A[i, i] + 1e-9 * trace + 1e-12
-        step, xi = np.linalg.solve(A, b), np.zeros(6)
+        shift_px = _warp(I, M, image, points, brightness, R, t, K)
+        product, power = np.dot(M, I), np.dot(I, I)
+        similarity = product / max(np.sqrt(power * np.dot(M, M)), 1e-9)
+        residual = np.float32(product / max(power, 1e-9)) * I - M
+        step = inverse @ (scale[:free] * np.dot(J, residual)[:free])
         xi[:free] = scale[:free] * step
         dR, dt = exponential(-xi)
         t = R @ dt + t
@@ -142,41 +152,27 @@ def _splat(mask, inverse, camera, K):
     return inside
 
 
-@njit(cache=True, fastmath=True, nogil=True)
-def _accumulate(image, points, brightness, J, R, t, K):
-    """J^T J, J^T I, J^T M, and sums of M I, I I, M M and the mean motion, over pixels inside the image."""
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _warp(warped, kept, image, points, brightness, R, t, K):
+    """Event frame at the warped pixels, the map's brightness there (both 0 outside), and the mean motion."""
     height, width = image.shape
-    matrix, of_image, of_map, sums = np.zeros((6, 6)), np.zeros(6), np.zeros(6), np.zeros(4)
-    n = 0
+    P, p = (K @ R).astype(np.float32), (K @ t).astype(np.float32)
+    fu, fv, cu, cv = np.float32(K[0, 0]), np.float32(K[1, 1]), np.float32(K[0, 2]), np.float32(K[1, 2])
+    moved, n = np.float32(0), 0
     for k in range(len(points)):
         X, Y, Z = points[k, 0], points[k, 1], points[k, 2]
-        z = R[2, 0] * X + R[2, 1] * Y + R[2, 2] * Z + t[2]
-        if z <= 1e-6:
+        z = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + p[2]
+        u = (P[0, 0] * X + P[0, 1] * Y + P[0, 2] * Z + p[0]) / z
+        v = (P[1, 0] * X + P[1, 1] * Y + P[1, 2] * Z + p[1]) / z
+        if not (z > 0 and u >= 0 and v >= 0 and u < width - 1 and v < height - 1):
+            warped[k] = kept[k] = 0
             continue
-        u = K[0, 0] * (R[0, 0] * X + R[0, 1] * Y + R[0, 2] * Z + t[0]) / z + K[0, 2]
-        v = K[1, 1] * (R[1, 0] * X + R[1, 1] * Y + R[1, 2] * Z + t[1]) / z + K[1, 2]
-        if not (u >= 0 and v >= 0 and u < width - 1 and v < height - 1):
-            continue
-        c, r = int(u), int(v)
+        c, r = np.int32(u), np.int32(v)
         a, b = u - c, v - r
-        value = (1 - b) * ((1 - a) * image[r, c] + a * image[r, c + 1]) + b * (
-            (1 - a) * image[r + 1, c] + a * image[r + 1, c + 1]
-        )
-        m = brightness[k]
-        for i in range(6):
-            of_image[i] += J[k, i] * value
-            of_map[i] += J[k, i] * m
-            for j in range(i + 1):
-                matrix[i, j] += J[k, i] * J[k, j]
-        sums[0] += m * value
-        sums[1] += value * value
-        sums[2] += m * m
-        du, dv = u - K[0, 0] * X / Z - K[0, 2], v - K[1, 1] * Y / Z - K[1, 2]
-        sums[3] += np.sqrt(du * du + dv * dv)
+        top = (1 - a) * image[r, c] + a * image[r, c + 1]
+        warped[k] = (1 - b) * top + b * ((1 - a) * image[r + 1, c] + a * image[r + 1, c + 1])
+        kept[k] = brightness[k]
+        du, dv = u - fu * X / Z - cu, v - fv * Y / Z - cv
+        moved += np.sqrt(du * du + dv * dv)
         n += 1
-    for i in range(6):
-        for j in range(i):
-            matrix[j, i] = matrix[i, j]
-    if n:
-        sums[3] /= n
-    return matrix, of_image, of_map, sums
+    return moved / max(n, 1)
