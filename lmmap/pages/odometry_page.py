@@ -6,8 +6,9 @@ import numpy as np
 
 from .drawings import COLOUR
 
-METHOD_COLOUR = {"EVO event": "#8C6D46", "ORB-SLAM3 event": "#E69F00", "ORB-SLAM3 rgb": "#56B4E9", "lmmap event": COLOUR["event"],
-                 "lmmap rgb": COLOUR["rgb"], "SVO event": "#CC79A7", "SVO rgb": "#009E73"}  # fmt: skip
+METHOD_COLOUR = {"EVO event": "#8C6D46", "ORB-SLAM3 event": "#E69F00", "ORB-SLAM3 rgb": "#56B4E9",
+                 "lmmap event": COLOUR["event"], "lmmap rgb": COLOUR["rgb"], "SVO event": "#CC79A7",
+                 "SVO rgb": "#009E73"}  # fmt: skip
 
 
 def draw_boxes(ax, groups: dict[str, list[np.ndarray]], ticks: list[str]) -> None:

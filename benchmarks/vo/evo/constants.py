@@ -33,6 +33,8 @@ class Constants:
     cleaning_radius_px: int = 5  # EMVS removes isolated points by a radius filter; open: the numbers
     cleaning_neighbours: int = 6  # open
     cleaning_depth_ratio: float = 0.08  # open: relative difference of depth that still is a neighbour
+    map_neighbours: int = 12  # EVO cleans the map that is kept once more; open: the numbers
+    map_depth_ratio: float = 0.025  # open
     map_events: int = 300_000  # open: the most events of one map
     map_points: int = 400  # open: the fewest points of a map that is used
     map_retry_frames: int = 10  # open: frames until a map is tried again that had too few points

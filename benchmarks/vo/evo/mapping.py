@@ -78,6 +78,16 @@ def extract(dsi: np.ndarray, planes_inverse_depth: np.ndarray, constants: Consta
     return DepthMap(depth, confidence)
 
 
+def clean(depth: DepthMap, constants: Constants) -> DepthMap:
+    """The map that is kept: without points that few others of like depth stand beside.
+
+    Tracking has use for isolated points, a model of the scene has not.
+    """
+    inverse = np.divide(1, depth.depth, out=np.zeros_like(depth.depth), where=depth.depth > 0)
+    kept = _clean(inverse, constants.cleaning_radius_px, constants.map_neighbours, constants.map_depth_ratio)
+    return DepthMap(np.where(kept > 0, depth.depth, 0), depth.confidence)
+
+
 @njit(cache=True, parallel=True)
 def _keep_peaks(selected, dsi, largest, plane, share):
     """Unselect pixels whose profile does not fall below ``share`` of its maximum on both sides."""

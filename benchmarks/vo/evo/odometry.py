@@ -28,7 +28,10 @@ TRANSLATION, ALL = 3, 6  # components of a pose that are estimated
 
 @dataclass
 class Keyframe:
-    """A semi-dense map and where it was made: ``T_cam_world`` of its reference camera."""
+    """A semi-dense map and where it was made: ``T_cam_world`` of its reference camera.
+
+    Tracking uses ``points``, which are cleaned less.
+    """
 
     t_us: int
     rotation: np.ndarray
@@ -218,7 +221,8 @@ class Odometry:
         seen = depth.points(self.K)
         if len(seen) < c.map_points:
             return False
-        keyframe = Keyframe(track.t_us[-1], R, t, depth, (seen - t) @ R, float(np.median(seen[:, 2])))
+        mean_depth = float(np.median(seen[:, 2]))
+        keyframe = Keyframe(track.t_us[-1], R, t, mapping.clean(depth, c), (seen - t) @ R, mean_depth)
         track.keyframes.append(keyframe)
         self._centre, self._keyframe_depth = -R.T @ t, keyframe.mean_depth
         local = c.local_keyframes if len(track.keyframes) > c.bootstrap_maps else 1

@@ -119,13 +119,13 @@ def _iterate(image, points, brightness, J, H, R, t, K, depth, free, iterations, 
     for i in range(free):
         A[i, i] += damping * A[i, i] + 1e-9 * trace + 1e-12
     inverse, xi = np.linalg.inv(A), np.zeros(6)
-    I, M = np.empty_like(brightness), np.empty_like(brightness)
+    warped, kept = np.empty_like(brightness), np.empty_like(brightness)
     similarity, shift_px = 0.0, 0.0
     for _ in range(iterations):
-        shift_px = _warp(I, M, image, points, brightness, R, t, K)
-        product, power = np.dot(M, I), np.dot(I, I)
-        similarity = product / max(np.sqrt(power * np.dot(M, M)), 1e-9)
-        residual = np.float32(product / max(power, 1e-9)) * I - M
+        shift_px = _warp(warped, kept, image, points, brightness, R, t, K)
+        product, power = np.dot(kept, warped), np.dot(warped, warped)
+        similarity = product / max(np.sqrt(power * np.dot(kept, kept)), 1e-9)
+        residual = np.float32(product / max(power, 1e-9)) * warped - kept
         step = inverse @ (scale[:free] * np.dot(J, residual)[:free])
         xi[:free] = scale[:free] * step
         dR, dt = exponential(-xi)
