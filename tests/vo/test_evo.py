@@ -1,5 +1,6 @@
 """EVO (`benchmarks/vo/evo`): laws of its parts, and a short sequence that it must follow."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -169,7 +170,7 @@ def test_two_seconds_of_a_scene_are_tracked():
     events = scenes.simulate(scene, camera, 2.0).events
     constants = Constants(events_per_frame=1500, events_per_step=1000, bootstrap_events=3000, map_points=200)
     start = scenes.motion(scene, [events["t_us"][1500] * 1e-6])[0]
-    depth_m = scenes.depth_image(scene, start, camera)
+    depth_m = cv2.erode(scenes.depth_image(scene, start, camera), np.ones((3, 3)))  # an edge is the nearer's
     (track,) = odometry.Odometry(camera, constants).run(events, depth_m)
     assert not track.lost and len(track.keyframes) >= 2
     estimate = Pose(np.array(track.rotation), np.array(track.position)).inverse
@@ -177,4 +178,6 @@ def test_two_seconds_of_a_scene_are_tracked():
     scale, R, t = umeyama(estimate.position_m, truth.position_m)
     error_m = np.linalg.norm(scale * estimate.position_m @ R.T + t - truth.position_m, axis=1)
     assert np.ptp(truth.position_m, axis=0).max() > 0.3
-    assert error_m.mean() < 0.03 * np.median(depth_m) and scale == pytest.approx(1, abs=0.25)
+    assert error_m.mean() < 0.015 * np.median(depth_m) and scale == pytest.approx(1, abs=0.1)
+    turned = np.swapaxes(truth.rotation, -1, -2) @ R @ estimate.rotation
+    assert np.rad2deg(rotation_angle_rad(turned)).mean() < 3
