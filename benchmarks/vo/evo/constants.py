@@ -64,3 +64,4 @@ class Constants:
     homography_frames: int = 60  # at most, until they have moved that far
     lost_similarity: float = 0.25  # open: cosine of map and event frame below which a frame is lost
     lost_frames: int = 20  # open: lost frames in a row that end a track
+    restart_s: float = 5.0  # open, EVO has no restart: time from one start to the next, after a loss

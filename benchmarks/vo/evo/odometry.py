@@ -79,8 +79,10 @@ class Odometry:
         c, tracks, start = self.constants, [], 0
         self._take(events)
         while start + c.bootstrap_events + c.events_per_frame < len(events):
+            soonest_us = self._t_us[start] + 1e6 * c.restart_s
             track, start = self._follow(start, first_depth)
             tracks.append(track)
+            start = max(start, int(np.searchsorted(self._t_us, soonest_us)))
         return tracks
 
     def map_along(self, events, T_cam_world: Trajectory, mean_depth: float) -> Keyframe | None:
