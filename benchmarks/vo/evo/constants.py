@@ -2,8 +2,11 @@
 
 ``EVO``: Rebecq, Horstschaefer, Gallego, Scaramuzza, "EVO: A Geometric Approach to Event-based 6-DOF
 Parallel Tracking and Mapping in Real-time", RA-L 2017.  ``EMVS``: Rebecq, Gallego, Mueggler, Scaramuzza,
-"EMVS: Event-based Multi-View Stereo", IJCV 2018.  ``open``: the papers name the quantity but no number that
-carries over, or leave the step to the implementer; these were chosen here on the scenes of `scenes`.
+"EMVS: Event-based Multi-View Stereo", IJCV 2018.  Their numbers were not compared with the print again.
+
+``open``: the papers name the quantity but no number that carries over, or leave the step to the implementer;
+these were chosen here on the scenes of `scenes`.  ``released``: the settings that are published with EVO for
+a live camera, where they name the same quantity; its program itself was not used.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ class Constants:
 
     # event frames
     events_per_frame: int = 4000  # EVO: about 2000 on 240 x 180 px; the same density on 346 x 260
-    events_per_step: int = 4000  # open: a pose for each frame of new events
+    events_per_step: int = 4000  # open: a pose for each frame of new events (released: 15 000)
     count_limit: int = 2  # open: events of one pixel that count
     frame_blur_px: float = 1.0  # open
 
@@ -27,30 +30,30 @@ class Constants:
     nearest_plane: float = 0.35  # open: of the mean depth; planes are uniform in inverse depth (EMVS)
     farthest_plane: float = 4.0  # open: of the mean depth
     threshold_window_px: int = 5  # EMVS: neighbourhood of the adaptive Gaussian threshold
-    threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits
+    threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits (released: 7)
     peak_share: float = 0.5  # open, and not in the papers: see `mapping.extract`
-    median_window_px: int = 15  # EMVS: median filter of the semi-dense depth map
+    median_window_px: int = 15  # EMVS, released: median filter of the semi-dense depth map
     cleaning_radius_px: int = 5  # EMVS removes isolated points by a radius filter; open: the numbers
-    cleaning_neighbours: int = 6  # open
+    cleaning_neighbours: int = 6  # open (released: 2 within 0.2 units of length)
     cleaning_depth_ratio: float = 0.08  # open: relative difference of depth that still is a neighbour
-    map_neighbours: int = 12  # EVO cleans the map that is kept once more; open: the numbers
+    map_neighbours: int = 12  # released: a second filter for the map that is kept; open: the numbers
     map_depth_ratio: float = 0.025  # open
-    map_events: int = 300_000  # open: the most events of one map
+    map_events: int = 300_000  # open: the most events of one map (released: a million)
     map_points: int = 400  # open: the fewest points of a map that is used
     map_retry_frames: int = 10  # open: frames until a map is tried again that had too few points
     map_baseline: float = 0.20  # open: of the mean depth; events seen from farther away are not used
 
     # tracking
-    reference_blur_px: float = 1.5  # EVO blurs the projected map; open: how much
-    reference_points: int = 3000  # open: pixels of the reference that are aligned, at most
+    reference_blur_px: float = 1.5  # EVO blurs the projected map; open: how much (released: 3)
+    reference_points: int = 3000  # open: pixels that are aligned, at most (released: batches of 500)
     reference_shift_px: float = 8.0  # open: mean motion after which the map is projected anew
-    iterations: int = 15  # open
+    iterations: int = 15  # open (released: 150 of gradient descent)
     smallest_step: float = 1e-4  # open: of pose increments (rad, and mean depths)
     damping: float = 1e-3  # open: of the normal equations' diagonal
 
     # keyframes and bootstrapping
-    keyframe_distance: float = 0.15  # EMVS, EVO: of the mean depth; they give 15 to 40 %
-    keyframe_overlap: float = 0.60  # open: share of the map within the image
+    keyframe_distance: float = 0.15  # EMVS, EVO: of the mean depth; they give 15 to 40 % (released: 10 %)
+    keyframe_overlap: float = 0.60  # open: share of the map within the image (released: 0.9)
     local_keyframes: int = 2  # open: keyframes whose points make the map
     bootstrap_distance: float = 0.06  # open: of the plane's depth, before the first space sweep
     bootstrap_rounds: int = 14  # open: times that the first stretch is mapped and tracked again
