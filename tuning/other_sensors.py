@@ -126,6 +126,7 @@ def main() -> None:
         pd.DataFrame(outcomes(*run)).to_csv(_outcome_path(*run), index=False)
     if chosen:
         return
+    # a lens of half the view shows no whole ring in one of the sequences, and its file is empty
     files = [_outcome_path(*run) for run in runs]
     every = pd.concat([pd.read_csv(f) for f in files if f.stat().st_size > 2], ignore_index=True)
     table = summary(every.sort_values("sensor", key=lambda s: s.map(list(SENSORS).index), kind="stable"))

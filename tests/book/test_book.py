@@ -20,7 +20,8 @@ TOC = yaml.safe_load((ROOT / "_toc.yml").read_text())
 NAMES = [TOC["root"]] + [chapter["file"] for part in TOC["parts"] for chapter in part["chapters"]]
 PAGES = [ROOT / f"{name}.md" for name in NAMES]
 API = [page for page in PAGES if page.stem == "api" or page.parent.name == "api"]
-CHAPTERS = [page for page in PAGES if page not in API and page.stem != "bibliography"]
+REFERENCE = ("bibliography", "models", "quickstart")  # pages that explain no finding
+CHAPTERS = [page for page in PAGES if page not in API and page.stem not in REFERENCE]
 ENVIRONMENT = (ROOT / "environment.txt").read_text()
 PINS = [line.split(";")[0].strip() for line in ENVIRONMENT.splitlines() if line and not line.startswith("#")]
 

@@ -1,0 +1,75 @@
+"""Model cards of the shipped sets of networks: what their files, and the results that are committed, say."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from ..pipeline.network import CHANNELS
+from ..pipeline.rescale import trained_range_m
+from ..pipeline.weights import FILTERS, load_card, weight_path
+from ..provenance import DATA
+from ..settings import OURS
+from ..types import Camera, Port
+from .tables import CAMERAS
+
+LENSES = {  # for the range of distances
+    "DAVIS 346, 6 mm": Camera.davis346(),
+    "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
+    "focal length 162 px": Camera(346, 260, 162.0, 162.0, 172.5, 129.5),
+}
+
+
+def training(domain_gap: str) -> pd.DataFrame:
+    """A row for each network of a set, from its card."""
+    rows = []
+    for name in FILTERS:
+        for modality in CHANNELS:
+            path = weight_path(name, modality, domain_gap)
+            card = load_card(path)
+            kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
+            rows.append({
+                "network": f"{name}, {CAMERAS[modality]}", "training sequences": " and ".join(kinds),
+                "images": card["training_images"], "steps": card["recipe"]["steps"],
+                "begun from": card["recipe"]["start_from"] or "chance",
+                "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def tests(domain_gap: str) -> pd.DataFrame:
+    """Right, wrong and missing poses of a set, by place, camera and light; empty where none were measured."""
+    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
+    chosen = table[(table.weights == domain_gap) & (table.estimator != "every pose")]
+    chosen = chosen[chosen.set.str.endswith("held out")]
+    return pd.DataFrame({
+        "place": chosen.set.str.removesuffix(", held out"), "camera": chosen.modality.map(CAMERAS),
+        "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
+        "no pose (%)": chosen.none_percent, "images": chosen.images,
+    })  # fmt: skip
+
+
+def ranges() -> pd.DataFrame:
+    """From which to which distance the networks know the ring, by lens."""
+    near_far = {name: trained_range_m(camera, Port.lm_map()) for name, camera in LENSES.items()}
+    rows = [(name, f"{near:.2f} to {far:.2f}") for name, (near, far) in near_far.items()]
+    return pd.DataFrame(rows, columns=["lens", "distance of the port (m)"])
+
+
+def sensors() -> pd.DataFrame:
+    """Right and wrong poses by sensor, over all lights, of rings of a size that the networks know."""
+    table = pd.read_csv(DATA / "results" / "sensors.csv").query("light == 'all' and trained_size")
+    return pd.DataFrame({
+        "sensor": table.sensor, "focal length (px)": table.focal_px, "camera": table.modality.map(CAMERAS),
+        "right (%)": table.right_percent, "wrong (%)": table.wrong_percent, "images": table.images,
+        "time (ms)": table.cpu_ms,
+    })  # fmt: skip
+
+
+def formats() -> pd.DataFrame:
+    """What each command does with each format, as the tests found it."""
+    return pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
+
+
+def ring_range_px() -> tuple[float, float]:
+    """Smallest and largest semi-major axis of the ring in the training, in pixels."""
+    return OURS.trained_ring_px

@@ -1,0 +1,43 @@
+"""Model cards say what the weights' own cards and the committed results say."""
+
+import hashlib
+
+import pytest
+
+from lmmap.pages import model_cards
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, weight_path
+from lmmap.recordings.formats import FORMATS
+from lmmap.settings import OURS
+
+
+@pytest.mark.parametrize("domain_gap", DOMAIN_GAPS)
+def test_each_network_is_named_by_the_hash_of_its_file(domain_gap):
+    table = model_cards.training(domain_gap)
+    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in ("rgb", "event")]
+    assert table.sha256.tolist() == [hashlib.sha256(p.read_bytes()).hexdigest()[:12] for p in paths]
+    assert table["validation IoU"].between(0, 1).all()
+
+
+@pytest.mark.parametrize("domain_gap", ["low", "robust"])
+def test_every_tested_image_is_right_wrong_or_has_no_pose(domain_gap):
+    table = model_cards.tests(domain_gap)
+    assert len(table) >= 6
+    assert table[["right (%)", "wrong (%)", "no pose (%)"]].sum(axis=1).to_numpy() == pytest.approx(
+        100, abs=1e-3
+    )
+
+
+def test_the_distance_range_shrinks_with_the_focal_length():
+    near, far = model_cards.ranges()["distance of the port (m)"].iloc[[0, -1]]
+    assert [float(x) for x in near.split(" to ")] == pytest.approx(
+        [2 * float(x) for x in far.split(" to ")], abs=0.02
+    )
+    assert model_cards.ring_range_px() == OURS.trained_ring_px
+
+
+def test_every_format_has_its_row():
+    assert model_cards.formats()["format"].tolist() == [what for what, *_ in FORMATS]
+
+
+def test_the_trained_sensor_is_the_first_row():
+    assert model_cards.sensors().sensor.iloc[0] == "DAVIS 346"
