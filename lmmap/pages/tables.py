@@ -56,7 +56,11 @@ def accuracy_table(compared: pd.DataFrame, statistics: Sequence[str] = STATISTIC
     for column, estimator in estimators.items():
         ends = (compared.get(column + end, missing) for end in ("", "_low", "_high"))
         parts.append(compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), row=estimator))
-    return wide_table(pd.concat(parts), statistics, list(estimators.values()))
+    wide = wide_table(pd.concat(parts), statistics, list(estimators.values()))
+    unstated = WORDS["wrong_percent", "in_fov"], estimators.get("table1")
+    if unstated in wide.index:
+        wide.loc[unstated] = "not stated"
+    return wide
 
 
 def wide_table(cells: pd.DataFrame, statistics: Sequence[str], rows: Sequence[str]) -> pd.DataFrame:
