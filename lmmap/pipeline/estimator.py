@@ -59,8 +59,9 @@ class Estimator(ImageEstimator):
         ring, coverage = self.find_ring(ring_mask, near)
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
-        fitted, candidates = ring.ellipse, self.candidates(ring.ellipse)
-        reflectors = self.find_reflectors(image, candidates[:2] if near else candidates)
+        fitted, radius_m = ring.ellipse, self.port.ring_radius_m
+        candidates = circle.poses(fitted, self.grid, radius_m) if near else self.candidates(fitted)
+        reflectors = self.find_reflectors(image, candidates)
         edges = outline.edges(image)
         best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, edges,
                             self.settings.yaw_weights[self.modality])  # fmt: skip
