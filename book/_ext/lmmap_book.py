@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import tomllib
@@ -31,6 +32,15 @@ def name_cache(app, config) -> None:
         if old != current:
             shutil.rmtree(old)
     config.nb_execution_cache_path = str(current)
+
+
+def name_style(app, config) -> None:
+    """Let an edit of the style or of a script alone renew the pages, which name both by checksum."""
+    files = [
+        p for p in sorted((Path(app.srcdir) / "book" / "_static").glob("*")) if p.suffix in (".css", ".js")
+    ]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    config.html_context = {**config.html_context, "style": digest[:16]}
 
 
 def name_build(app) -> None:
@@ -179,6 +189,7 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 
 def setup(app):
     app.connect("config-inited", name_cache)
+    app.connect("config-inited", name_style)
     app.connect("source-read", list_modules)
     app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -12,7 +13,7 @@ import yaml
 from lmmap.provenance import PACKAGE, page_fingerprint
 
 sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
-from lmmap_book import list_modules
+from lmmap_book import list_modules, name_style
 
 ROOT = Path(__file__).parents[2]
 BOOK = ROOT / "book"
@@ -183,3 +184,24 @@ def test_the_cache_is_named_by_what_pages_depend_on(tmp_path, monkeypatch):
     (tmp_path / "data" / "derived").mkdir()
     (tmp_path / "data" / "derived" / "scratch.npz").write_text("y\n")
     assert page_fingerprint(tmp_path) == names[-1]
+
+
+def test_references_link_out():
+    """All but two: of one we know no DOI, and the other has none."""
+    entries = re.findall(r"^@\w+\{(\w+),(.*?)^\}", (BOOK / "references.bib").read_text(), re.M | re.S)
+    without = {
+        name for name, fields in entries if not re.search(r"^\s*doi = \{10\.\d+/\S+\},$", fields, re.M)
+    }
+    assert len(entries) >= 18 and without == {"kanatani1993", "halir1998"}
+
+
+def test_an_edit_of_the_style_alone_renews_the_pages(tmp_path):
+    static = tmp_path / "book" / "_static"
+    static.mkdir(parents=True)
+    app, styles = SimpleNamespace(srcdir=tmp_path), []
+    for text in ("a", "b", "b"):
+        (static / "custom.css").write_text(text)
+        config = SimpleNamespace(html_context={"default_mode": "auto"})
+        name_style(app, config)
+        styles.append(config.html_context)
+    assert styles[0] != styles[1] == styles[2] and styles[0]["default_mode"] == "auto"
