@@ -186,6 +186,13 @@ def test_the_cache_is_named_by_what_pages_depend_on(tmp_path, monkeypatch):
     assert page_fingerprint(tmp_path) == names[-1]
 
 
+@every_chapter
+def test_a_chapter_that_needs_results_says_so_where_there_are_none(page):
+    """By `made_results`, whose error names the command: a path would give an error about a file."""
+    source = "\n".join(cells(page))
+    assert not re.search(r"DERIVED_DATA / (profile|\"quick|\"paper)", source)
+
+
 def test_references_link_out():
     """All but two: of one we know no DOI, and the other has none."""
     entries = re.findall(r"^@\w+\{(\w+),(.*?)^\}", (BOOK / "references.bib").read_text(), re.M | re.S)
