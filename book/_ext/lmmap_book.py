@@ -13,7 +13,7 @@ import nbformat
 import plotly
 from docutils import nodes
 from jupyter_cache import get_cache
-from lmmap_notebooks import chapters, known_numbers, readable
+from lmmap_notebooks import known_numbers, readable
 from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
@@ -102,7 +102,8 @@ def keep_outputs(app, exception) -> None:
 
 def offer_notebook(app, pagename, templatename, context, doctree) -> None:
     """Offer a chapter as a notebook too, in the theme's menu of downloads."""
-    if (ROOT / f"{pagename}.md") in chapters():
+    page = Path(app.srcdir) / f"{pagename}.md"
+    if page.exists() and "{code-cell}" in page.read_text():
         context["ipynb_source"] = f"{pagename}.ipynb"
 
 

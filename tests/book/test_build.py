@@ -93,5 +93,7 @@ def test_two_builds_in_two_places_are_equal_byte_by_byte(book, tmp_path_factory)
     one, two = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()}
                 for html in (book / "_build" / "html", other / "_build" / "html"))  # fmt: skip
     assert "error (mm)" in one[Path("book/page.html")].decode()
+    assert "_sources/book/page.ipynb" in one[Path("book/page.html")].decode()
+    assert "It is 1" in one[Path("_sources/book/page.ipynb")].decode()  # the number, not its markup
     assert any(path.suffix == ".png" and path.parts[0] == "_images" for path in one)
     assert one.keys() == two.keys() and [path for path in one if one[path] != two[path]] == []
