@@ -132,7 +132,7 @@ class Settings(PaperSettings):
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.68, event=2.13)  # of a pose's refined on the image's edges
+    edge_inflation: PerCamera = PerCamera(rgb=1.61, event=2.12)  # of a pose's refined on the image's edges
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
@@ -140,9 +140,9 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (-3.758, -0.496, -21.199, 3.313, 0.73)  # of position and normal
+    confidence_ring: tuple[float, ...] = (-8.495, -1.556, -23.352, 3.544, 0.548)  # of position and normal
     confidence_yaw: tuple[float, ...] = (-3.458, 0.47, -0.415, 6.187)  # that the yaw is right, if they are
-    min_confidence: float = 0.8  # below, the status is `UNSURE` and there is no pose
+    min_confidence: float = 0.85  # below, the status is `UNSURE` and there is no pose
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look

@@ -27,7 +27,7 @@ from lmmap.settings import OURS, Settings
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 
 RIDGE = 1.0  # of standardised slopes
-LIMITS = np.arange(0.5, 0.96, 0.05).round(2)
+LIMITS = np.arange(0.5, 0.96, 0.01).round(2)
 WRONG_PERCENT = 1.5
 FOLDS = 8  # of the tuning sequences
 BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])
@@ -135,7 +135,7 @@ def main() -> None:
         at = (every.set == name).to_numpy()
         table = reliability(confidence[at], outcome[at])
         tables.append(table.assign(set=name, calibration_error=calibration_error(table)))
-        reported = {limit: outcome[at & (confidence >= limit)] for limit in (0.0, *LIMITS.tolist())}
+        reported = {limit: outcome[at & (confidence >= limit)] for limit in (0.0, *LIMITS[::5].tolist())}
         counts = {limit: (int(good.sum()), int((~good).sum())) for limit, good in reported.items()}
         print(name, "error", round(tables[-1].calibration_error[0], 4), "limit: (right, wrong)", counts)
     save_table(DATA / "results" / "confidence.csv", pd.concat(tables, ignore_index=True),

@@ -74,8 +74,9 @@ class Estimator(ImageEstimator):
         printed = None
         if near is None:
             printed = yaw.fast_yaw(reflectors, candidates[2:], self.port, self.grid, self.settings).T_cam_port
-        T_cam_port, covariance, tilt_sigmas = self.refine(best, ring, reflectors, edges)
-        confidence = self.confidence(T_cam_port, covariance, best, image, ring_mask, reflectors)
+        T_by_masks, by_masks, tilt_sigmas = self.refine(best, ring, reflectors)
+        T_cam_port, covariance = self.refine_on_edges(T_by_masks, by_masks, best, edges)
+        confidence = self.confidence(T_cam_port, by_masks, best, image, ring_mask, reflectors)
         estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage,
                             best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
                             confidence=confidence)  # fmt: skip
@@ -84,37 +85,38 @@ class Estimator(ImageEstimator):
         return replace(estimate, status=Status.UNSURE, T_cam_port=None, doubtful=T_cam_port)
 
     def confidence(self, T_cam_port: Pose, covariance, best: yaw.YawFit, *images) -> float:
-        """Probability that a pose is right, by its yaw's fit and by the image, the ring's mask and the
-        reflectors' mask (H, W)."""
+        """Probability that a pose is right, by its covariance (6, 6) as the masks have it, its yaw's fit, and
+        by the image, the ring's mask and the reflectors' mask (H, W)."""
         evidence = verify.evidence(
             T_cam_port, covariance, best.sigma_rad, best.log_odds, *images, self.port, self.grid
         )
         return float(verify.confidence(evidence, self.settings))
 
-    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray, edges=None):
-        """Pose with its covariance (6, 6), and the ring's distance from head-on, in standard deviations.
-
-        Where the yaw is known, the pose is refined on ring and markers together if enough of the markers'
-        edges are seen and the settings allow it, and then on the image's `outline.edges` (H, W) if they
-        are given.
-        """
+    def refine(self, best: yaw.YawFit, ring: Contour, reflectors: np.ndarray):
+        """Pose with its covariance (6, 6), refined on ring and markers where the settings allow it and yaw
+        and enough of the markers' edges are known; and the ring's distance from head-on, in standard
+        deviations."""
         known, sigma_px = self.ring_uncertainty(best.T_cam_port, ring, best.sigma_rad), self.sigma_px(ring)
-        T_cam_port, covariance, settings = best.T_cam_port, known.covariance, self.settings
-        if best.yaw_margin < settings.min_yaw_margin:
-            return T_cam_port, covariance, known.tilt_sigmas
-        if settings.refine_jointly:
-            both = joint.refine(T_cam_port, ring.points_px, reflectors, self.port, self.grid, sigma_px,
-                                settings.marker_sigma_px[self.modality], settings)  # fmt: skip
+        if self.settings.refine_jointly and best.yaw_margin >= self.settings.min_yaw_margin:
+            marker_sigma_px = self.settings.marker_sigma_px[self.modality]
+            both = joint.refine(best.T_cam_port, ring.points_px, reflectors, self.port, self.grid, sigma_px,
+                                marker_sigma_px, self.settings)  # fmt: skip
             if both is not None:
-                inflation = settings.joint_inflation[self.modality]
-                covariance = joint.inflate(both.covariance, best.score, inflation)
-                T_cam_port = both.T_cam_port
-        if settings.edge_rounds and edges is not None:
-            T_cam_port, covariance = image_edges.refine(
-                T_cam_port, covariance, edges, self.port, self.grid, settings
-            )
-            covariance = settings.edge_inflation[self.modality] * covariance
-        return T_cam_port, covariance, known.tilt_sigmas
+                covariance = joint.inflate(
+                    both.covariance, best.score, self.settings.joint_inflation[self.modality]
+                )
+                return both.T_cam_port, covariance, known.tilt_sigmas
+        return best.T_cam_port, known.covariance, known.tilt_sigmas
+
+    def refine_on_edges(self, T_cam_port: Pose, covariance, best: yaw.YawFit, edges):
+        """A pose by the masks and its covariance (6, 6), refined on the image's `outline.edges` (H, W) where
+        the settings allow it and the yaw is known."""
+        if not self.settings.edge_rounds or best.yaw_margin < self.settings.min_yaw_margin:
+            return T_cam_port, covariance
+        T_cam_port, covariance = image_edges.refine(
+            T_cam_port, covariance, edges, self.port, self.grid, self.settings
+        )
+        return T_cam_port, self.settings.edge_inflation[self.modality] * covariance
 
     def sigma_px(self, ring: Contour) -> float:
         """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""
