@@ -142,7 +142,7 @@ class Settings(PaperSettings):
     # tuning/calibrate_confidence.py
     confidence_ring: tuple[float, ...] = (-8.495, -1.556, -23.352, 3.544, 0.548)  # of position and normal
     confidence_yaw: tuple[float, ...] = (-3.458, 0.47, -0.415, 6.187)  # that the yaw is right, if they are
-    min_confidence: float = 0.85  # below, the status is `UNSURE` and there is no pose
+    min_confidence: float = 0.83  # below, the status is `UNSURE` and there is no pose
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look
