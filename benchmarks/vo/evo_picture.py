@@ -23,7 +23,8 @@ from evo_pieces import pieces, port_depth_m
 from evo_scenes import CAMERA, events
 from vo.evo import scenes
 from vo.evo.event_frames import event_frame
-from vo.evo.odometry import Keyframe, Odometry, Track
+from vo.evo.odometry import Odometry
+from vo.evo.track import Keyframe, Track
 
 SCENE, SCENE_EVENTS = "boxes-fast", 2_500_000
 

@@ -29,7 +29,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the pack
 
 from vo.evo import scenes
 from vo.evo.constants import Constants
-from vo.evo.odometry import Odometry, Track
+from vo.evo.odometry import Odometry
+from vo.evo.track import Track
 
 RATE_HZ = 20
 CAMERA = Camera.davis346()

@@ -12,52 +12,17 @@ that grows, which takes the plane's error out of the map; the papers leave that 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from lmmap.types import Camera, Pose, Trajectory
+from lmmap.types import Camera, Trajectory
 
 from . import bootstrap, mapping, tracking
 from .constants import Constants
 from .event_frames import event_frame
+from .track import Keyframe, Track, interpolate, orthonormal
 
 TRANSLATION, ALL = 3, 6  # components of a pose that are estimated
-
-
-@dataclass
-class Keyframe:
-    """A semi-dense map and where it was made: ``T_cam_world`` of its reference camera.
-
-    Tracking uses ``points``, which are cleaned less.
-    """
-
-    t_us: int
-    rotation: np.ndarray
-    position: np.ndarray
-    map: mapping.DepthMap
-    points: np.ndarray  # (N, 3) in the world
-    mean_depth: float
-
-
-@dataclass
-class Track:
-    """One map's life: poses ``T_cam_world`` since its bootstrap, and the keyframes made."""
-
-    t_us: list[int] = field(default_factory=list)
-    rotation: list[np.ndarray] = field(default_factory=list)
-    position: list[np.ndarray] = field(default_factory=list)
-    event: list[int] = field(default_factory=list)  # in the middle of each pose's frame
-    keyframes: list[Keyframe] = field(default_factory=list)  # without the plane
-    ready_us: int | None = None  # when the bootstrap was over
-    lost: bool = False
-
-    def trajectory(self) -> Trajectory:
-        """Poses from the end of the bootstrap on."""
-        since = len(self.t_us) if self.ready_us is None else int(np.searchsorted(self.t_us, self.ready_us))
-        rotation, position = np.array(self.rotation[since:]), np.array(self.position[since:])
-        return Trajectory(self.t_us[since:], Pose(rotation.reshape(-1, 3, 3), position.reshape(-1, 3)))
 
 
 class Odometry:
@@ -176,7 +141,7 @@ class Odometry:
         )
         self._lost_frames = self._lost_frames + 1 if similarity < c.lost_similarity else 0
         track.t_us.append(t_us if not track.t_us else max(t_us, track.t_us[-1] + 1))
-        track.rotation.append(_orthonormal(R_cam_ref @ ref.rotation))
+        track.rotation.append(orthonormal(R_cam_ref @ ref.rotation))
         track.position.append(R_cam_ref @ ref.position + t_cam_ref)
         track.event.append(middle)
         if shift_px > c.reference_shift_px:
@@ -213,7 +178,7 @@ class Odometry:
         if stop - start < 20 * c.packet_events:
             return False
         middles = np.arange(start + c.packet_events // 2, stop, c.packet_events)
-        R_cam, t_cam = _interpolate(middles, track)
+        R_cam, t_cam = interpolate(middles, track)
         R_ref_cam = R @ np.swapaxes(R_cam, -1, -2)
         t_ref_cam = t - np.einsum("nij,nj->ni", R_ref_cam, t_cam)
         planes = mapping.inverse_depths(c.nearest_plane * mean_depth, c.farthest_plane * mean_depth, c.planes)
@@ -242,18 +207,3 @@ class Odometry:
         stop = track.event[-1]
         count = min(stop - track.event[far[-1] + 1 if len(far) else 0], c.map_events)
         return stop - count // c.packet_events * c.packet_events, stop
-
-
-def _orthonormal(R: np.ndarray) -> np.ndarray:
-    """The rotation nearest to a matrix that is almost one."""
-    return 0.5 * R @ (3 * np.eye(3) - R.T @ R)
-
-
-def _interpolate(events, track: Track) -> tuple[np.ndarray, np.ndarray]:
-    """Poses at event numbers, between the track's: (N, 3, 3) and (N, 3)."""
-    known, rotation, position = (np.array(a) for a in (track.event, track.rotation, track.position))
-    k = np.clip(np.searchsorted(known, events) - 1, 0, len(known) - 2)
-    share = np.clip((events - known[k]) / (known[k + 1] - known[k]), 0, 1)[:, None]
-    turn = Rotation.from_matrix(rotation[k + 1] @ np.swapaxes(rotation[k], -1, -2)).as_rotvec()
-    R = Rotation.from_rotvec(share * turn).as_matrix() @ rotation[k]
-    return R, position[k] + share * (position[k + 1] - position[k])
