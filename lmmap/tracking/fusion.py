@@ -96,8 +96,8 @@ class Fusion:
 
     def fits(self, e: Estimate) -> bool:
         """Whether there is a track, and the estimate or its rival keeps the gate about it."""
-        track = self.predicted(e.t_us)
-        return track is not None and e.covariance is not None and self._match(track, e) is not None
+        track, measured = self.predicted(e.t_us), e.T_cam_port or e.ring
+        return track is not None and measured is not None and self._match(track, e) is not None
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw

@@ -148,6 +148,18 @@ def test_a_grossly_wrong_estimate_is_not_taken():
     assert "event" not in filter_.seen_us
 
 
+def test_what_fits_is_what_would_be_taken():
+    filter_ = Fusion(PERIOD)
+    assert not filter_.fits(seen(0))
+    filter_.add({"rgb": seen(0)})
+    far = moved(T0, np.array([0.1, 0, 0, 0, 0, 0]))
+    unsure = Estimate(1000, Status.UNSURE, doubtful=T0, covariance=LOOSE)
+    assert (
+        filter_.fits(seen(1000)) and filter_.fits(ring_only(1000)) and filter_.fits(seen(1000, far, rival=T0))
+    )
+    assert not (filter_.fits(seen(1000, far)) or filter_.fits(unsure) or filter_.fits(seen(10**7)))
+
+
 def test_the_rival_stands_in_where_it_fits():
     """The other normal of the ring, 30 deg away, chosen wrongly once: its rival is taken instead."""
     wrong = moved(T0, np.array([0, 0, 0, np.deg2rad(30), 0, 0]))
