@@ -33,7 +33,7 @@ LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 CELL, INTERVAL = ["metric", "statistic", "light", "modality"], ("value", "low", "high")
 ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no_markers": "no markers",
-           "unsure": "unsure"}  # fmt: skip
+           "unsure": "unsure", "predicted": "predicted"}  # fmt: skip
 
 
 def accuracy_table(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,

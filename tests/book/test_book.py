@@ -212,3 +212,66 @@ def test_an_edit_of_the_style_alone_renews_the_pages(tmp_path):
         name_style(app, config)
         styles.append(config.html_context)
     assert styles[0] != styles[1] == styles[2] and styles[0]["default_mode"] == "auto"
+
+
+# --- what a chapter must have, CONTRIBUTING.md: "A chapter" -------------------------------------------------
+APART = {"book/quickstart", "book/models"}  # commands, and cards
+TAUGHT = [
+    ROOT / f"{chapter['file']}.md"
+    for part in TOC["parts"]
+    if part["caption"] not in ("Reference", "Modules")
+    for chapter in part["chapters"]
+    if chapter["file"] not in APART
+]
+every_taught = pytest.mark.parametrize("page", TAUGHT, ids=lambda page: page.stem)
+
+
+def options(page: Path) -> list[dict]:
+    """Options of a page's code cells; empty where a cell has none or those of one line each."""
+    bodies = re.findall(r"^(`{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
+    blocks = [re.match(r"---\n(.*?)\n---\n", body, re.S) for _, body in bodies]
+    return [yaml.safe_load(block[1]) if block else {} for block in blocks]
+
+
+def sentences(text: str) -> int:
+    plain = re.sub(r"\{[\w:-]+\}`[^`]*`|`[^`]*`|\$[^$]*\$", "x", text).strip()
+    return len(re.findall(r"[.!?]\)?(?=\s|$)", plain))
+
+
+@every_taught
+def test_a_chapter_begins_with_goals_and_ends_with_a_summary_of_three_sentences(page):
+    text = prose(page)
+    assert re.search(r"^# .+\n\n\*.+\*\n\n\*\*You will learn\*\* .+?[.]", text, re.M | re.S), "no goals"
+    summary = re.search(r"^## Summary\n\n(.+?)\n\n## Exercises$", text, re.M | re.S)
+    assert summary, f"{page.name}: no summary before the exercises"
+    assert sentences(summary[1]) == 3, f"{page.name}: {sentences(summary[1])} sentences"
+
+
+@every_taught
+def test_a_chapter_has_two_exercises_and_each_a_folded_solution_that_runs(page):
+    rest = page.read_text().split("\n## Exercises\n")[1]
+    tasks = re.split(r"^\*\*Exercise (\d+)\.\*\*", rest, flags=re.M)
+    assert len(tasks[1::2]) >= 2 and tasks[1::2] == [f"{k + 1}" for k in range(len(tasks) // 2)]
+    for number, task in zip(tasks[1::2], tasks[2::2], strict=True):
+        assert re.search(r"^tags: \[hide-cell\]$", task, re.M), f"exercise {number}: no folded solution"
+
+
+@every_page
+def test_captions_have_names_of_their_own_and_at_least_two_sentences(page):
+    for option in options(page):
+        figure = option.get("mystnb", {}).get("figure")
+        if figure:
+            assert re.fullmatch(r"fig-[a-z0-9-]+", figure["name"])
+            assert sentences(figure["caption"]) >= 2, f"{figure['name']}: {figure['caption']}"
+
+
+def test_no_two_figures_share_a_name():
+    names = [
+        o["mystnb"]["figure"]["name"]
+        for page in PAGES
+        for o in options(page)
+        if "figure" in o.get("mystnb", {})
+    ]
+    assert len(set(names)) == len(names)
+    pointed = {name for page in PAGES for name in re.findall(r"\{numref\}`([\w-]+)`", page.read_text())}
+    assert pointed <= set(names)
