@@ -51,16 +51,14 @@ class BetweenSettings:
 
     period_us: int = 2000  # of updates: 500 Hz
     gate_px: float = 2.5  # from an edge: events farther away are not the edge's
-    sigma_px: float = 1.0  # standard deviation of an event about its edge
-    common_px: float = 0.5  # of the error that events at one piece of edge share
-    correlation_s: float = 0.01  # time over which that error stays alike
+    sigma_px: float = 0.75  # standard deviation of an event about its edge
+    common_px: float = 0.2  # of the error that events at one piece of edge share
+    correlation_s: float = 0.02  # time over which that error stays alike
     outward_px: float = 0.5  # of events from their edge: a logarithm changes most where it is dark
-    lag_on_s: float = 0.0  # from an edge's passage to the events of a pixel that it makes brighter
-    lag_off_s: float = 0.0  # to those of a pixel that it makes darker
-    sure_sigmas: float = 2.0  # of an edge's velocity: above, only the polarity that it makes counts
+    sure_sigmas: float = 1.0  # of an edge's velocity: below, it may stand still, and its events say nothing
     motion: MotionSettings = field(
         default_factory=lambda: MotionSettings(
-            acceleration_m=0.1, acceleration_rad=0.6, speed_m_s=0.15, rate_rad_s=0.6, lost_s=1.0
+            acceleration_m=0.05, acceleration_rad=0.3, speed_m_s=0.15, rate_rad_s=0.6, lost_s=1.0
         )
     )
 

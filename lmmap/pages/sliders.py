@@ -65,7 +65,8 @@ def still(fig) -> str:
 class Step:
     """What one position of a slider shows: an image (H, W) in [0, 1], and curves over it.
 
-    A curve is ``(name, points (M, 2) px, colour, "lines" or "markers")``; every step has the same names.
+    A curve is ``(name, points (M, 2) px, colour, "lines" or "markers")``, with NaN where a line is broken.
+    Every step has the same names.
     """
 
     label: str
@@ -81,7 +82,8 @@ def step_through(steps: list[Step], prefix: str, start: int = 0):
     fig, each = go.Figure(), len(steps[0].curves)
     for k, step in enumerate(steps):
         for name, points_px, colour, mode in step.curves:
-            u, v = np.round(np.reshape(points_px, (-1, 2)), 1).T.tolist()
+            points = np.round(np.reshape(points_px, (-1, 2)), 1)
+            u, v = np.where(np.isnan(points), None, points).T.tolist()  # JSON has no NaN
             dots = {"color": COLOUR[colour], "size": 5}
             fig.add_scatter(x=u, y=v, name=name, mode=mode, visible=k == start,
                             line={"color": COLOUR[colour]}, marker=dots)  # fmt: skip

@@ -1,7 +1,7 @@
 """What latency costs: at any time, the last image's pose, the prediction, and the prediction with events.
 
 The estimator works as it does live: whenever it is free, it takes the newest N events, and its answer comes
-``LATENCY_S`` later.  Every 2 ms each method says where the port is *now*, and the true pose of that time
+``LATENCY_S`` later.  Every 10 ms each method says where the port is *now*, and the true pose of that time
 judges it.
 """
 
@@ -20,18 +20,22 @@ from ..geometry.port import in_view
 from ..pipeline.estimator import Estimator
 from ..pipeline.histograms import window_histograms, windows_at
 from ..pipeline.run import TimedImage, estimate_image
-from ..recordings.formats import open_recording, write_recording
-from ..recordings.pose_files import stacked
+from ..provenance import DATA, DERIVED_DATA, save_table
+from ..recordings.formats import open_recording, read_estimates, write_recording
+from ..recordings.pose_files import stacked, write_estimates
 from ..settings import OURS, BetweenSettings
 from ..tracking.between import Between
 from ..types import Estimate, Port, Recording
 from .metrics import normal_error_rad, pose_difference, position_error_m
 
 RATE_HZ, LATENCY_S = 20.0, 0.05  # of an estimator that takes 50 ms an image
-SPEEDS_MM_S = ("1.5", "30", "150")
+SECONDS = {"1.5": 4.0, "30": 2.0, "150": 2.0}  # of a recording, by the mean speed in mm/s
+NUMBERS = (1, 2, 3)  # of each speed; none of them trains or tunes anything
+SEQUENCES = {f"speed-{mm_s}-{n}": seconds for mm_s, seconds in SECONDS.items() for n in NUMBERS}
+RESULTS, FOLDER = DATA / "results" / "between", DERIVED_DATA / "between"
 METHODS = ("last image", "prediction", "prediction and events")
-SETUP = sequences.Setup(frame_hz=0.25, step_px=0.6)  # events are looked at within 2 ms
-STEP_US = 2000
+SETUP = sequences.Setup(frame_hz=0.25, step_px=0.6)  # nearly no frames, and events as fine as 2 ms ask
+STEP_US = 10_000
 SETTLED_S = 0.3  # after the first image: so long a track may take to learn its velocity
 
 
@@ -72,6 +76,17 @@ def arrivals(recording: Recording, estimator: Estimator, rate_hz: float = RATE_H
             _, e = estimate_image(estimator, TimedImage(t_us, image))
             yield Arrival(int(window["t_us"][-1] + 1e6 * latency_s), e)
             before_us = t_us
+
+
+def kept_arrivals(recording: Recording, folder: Path) -> list[Arrival]:
+    """`arrivals` by the default networks; made once, and kept beside the recording."""
+    table, times = folder / f"{recording.name}.csv", folder / f"{recording.name}.arrivals.npy"
+    if not times.exists():
+        made = list(arrivals(recording, Estimator(recording.camera, modality="event")))
+        write_estimates([a.estimate for a in made], table)
+        np.save(times, [a.at_us for a in made])
+    pairs = zip(np.load(times).tolist(), read_estimates(table), strict=True)
+    return [Arrival(at_us, e) for at_us, e in pairs]
 
 
 def follow(recording: Recording, images: list[Arrival], port: Port, settings: BetweenSettings = OURS.between,
@@ -122,6 +137,7 @@ def errors(followed: Followed, recording: Recording, port: Port) -> pd.DataFrame
             "position_mm": 1e3 * position_error_m(T, true),
             "normal_deg": np.rad2deg(normal_error_rad(T, true)),
             "rotation_deg": np.rad2deg(np.linalg.norm(d[:, 3:], axis=1)), "nees": nees, "score": score,
+            "age_ms": 1e-3 * (t_us[known] - np.array([e.t_us for e in chosen])),
         }))  # fmt: skip
     return pd.concat(tables) if tables else pd.DataFrame()
 
@@ -132,8 +148,34 @@ def summary(table: pd.DataFrame, by=("method",)) -> pd.DataFrame:
         list(by), sort=False
     )
     return groups.agg(
-        times=("t_us", "size"), position_mm=("position_mm", "median"),
+        times=("t_us", "size"), age_ms=("age_ms", "median"), position_mm=("position_mm", "median"),
         position_95_mm=("position_mm", lambda x: x.quantile(0.95)), normal_deg=("normal_deg", "median"),
         rotation_deg=("rotation_deg", "median"), rotation_95_deg=("rotation_deg", lambda x: x.quantile(0.95)),
         inside_95_percent=("inside_percent", "mean"), score=("score", "mean"),
     )  # fmt: skip
+
+
+def main() -> None:
+    """Makes the committed tables: ``python -m lmmap.studies.between_images``."""
+    port, tables, rows = Port.lm_map(), [], []
+    for name, seconds in SEQUENCES.items():
+        recording = recorded(name, seconds, FOLDER)
+        images = kept_arrivals(recording, FOLDER)
+        found = sum(a.estimate.T_cam_port is not None for a in images)
+        rows.append(
+            {"speed_mm_s": name.split("-")[1], "sequence": name, "images": len(images), "found": found}
+        )
+        print(rows[-1], flush=True)
+        if found:
+            tables.append(errors(follow(recording, images, port), recording, port))
+    table = pd.concat(tables)
+    table["speed_mm_s"] = table.sequence.str.split("-").str[1]
+    facts = {"command": "python -m lmmap.studies.between_images", "sequences": list(SEQUENCES),
+             "rate_hz": RATE_HZ, "latency_s": LATENCY_S}  # fmt: skip
+    for file, by in (("speeds", ["speed_mm_s", "method"]), ("sequences", ["sequence", "method"])):
+        save_table(RESULTS / f"{file}.csv", summary(table, by).reset_index(), **facts)
+    save_table(RESULTS / "images.csv", pd.DataFrame(rows), **facts)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
 from ..types import EVENT, Camera, Estimate, Port, Pose
-from .edges import NONE, EdgeFinder
+from .edges import EdgeFinder
 from .fusion import Fusion
 from .motion_model import POSE, RATE, MotionState, repetition
 
@@ -130,7 +130,9 @@ class Between:
         """What events of a short time say about the predicted pose; None where no edge is known well enough.
 
         A piece of an edge counts while its place is known to half a gate, and while it moves for sure: one
-        that stands still makes no events.  Its motion says which polarity they have.
+        that stands still makes no events.  Its motion says which polarity they have.  Clutter has both: what
+        the other polarity holds is taken away from the events' number n and from the sum of their distances,
+        so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
         """
         s, t_us = self.settings, int(events["t_us"].mean())
         if self.state is None or t_us < self.state.t_us:
@@ -138,21 +140,22 @@ class Between:
         state = self.state.predict(t_us)
         T, P = state.T_cam_port, state.covariance
         J = self._finder.edges.jacobian(T, self._finder.camera)
-        place_px, rate_px_s = (
-            np.sqrt(np.sum(J @ P[part, part] * J, 1)) for part in (POSE, RATE)
-        )  # deviations
         moves_px_s = J @ state.velocity
-        usable = self._visible_pieces(t_us, T) & (place_px < s.gate_px / 2)
-        usable &= np.abs(moves_px_s) > s.sure_sigmas * rate_px_s
-        brighter = moves_px_s > 0  # outward is away from the bright side
-        count, sum_px = self._finder(events, T, np.where(usable, brighter, NONE), s.gate_px)
-        if not count.any():
+        place_sigma_px, moves_sigma_px_s = (np.sqrt(np.sum(J @ P[k, k] * J, 1)) for k in (POSE, RATE))
+        usable = self._visible_pieces(t_us, T) & (place_sigma_px < s.gate_px / 2)
+        usable &= np.abs(moves_px_s) > s.sure_sigmas * moves_sigma_px_s
+        count, sum_px = self._finder(events, T, usable, s.gate_px)
+        sign = np.where(moves_px_s > 0, 1, -1)  # the bright side moves outward: pixels get brighter
+        n, off_px = sign * (count[1] - count[0]), sign * (sum_px[1] - sum_px[0])
+        clear = n > 0
+        if not clear.any():
             return None
-        lag_px = moves_px_s * np.where(brighter, s.lag_on_s, s.lag_off_s)
-        e = sum_px / np.maximum(count, 1) - s.outward_px + lag_px
-        variance = s.sigma_px**2 / np.maximum(count, 1) + s.common_px**2
-        weight = (count > 0) / (variance * repetition(1e-6 * s.period_us, s.correlation_s))
-        return EdgeInformation(t_us, T, (J.T * weight) @ J, J.T @ (weight * e), int(count.sum()))
+        J, n, total = J[clear], n[clear], count.sum(0)[clear]
+        e = off_px[clear] / n - s.outward_px
+        variance = s.sigma_px**2 * total / n**2 + s.common_px**2
+        purity = n.sum() / count.sum()
+        weight = purity**2 / (variance * repetition(1e-6 * s.period_us, s.correlation_s))
+        return EdgeInformation(t_us, T, (J.T * weight) @ J, J.T @ (weight * e), int(n.sum()))
 
     def _visible_pieces(self, t_us: int, T_cam_port: Pose) -> np.ndarray:
         if self._visible_us is None or t_us > self._visible_us + 1e6 * SAME_VIEW_S:

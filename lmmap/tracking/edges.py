@@ -99,9 +99,6 @@ def _directions(angle_rad):
     return np.stack([c, s, o], -1), np.stack([-s, c, o], -1)
 
 
-ANY, NONE = 2, -1  # polarities that a bin takes; or 0 or 1
-
-
 class EdgeFinder:
     """Finds the events at the edges of one port in one camera."""
 
@@ -110,34 +107,30 @@ class EdgeFinder:
         v, u = np.indices((camera.height_px, camera.width_px))
         self._rays = bearings(np.stack([u, v], -1), camera)[..., :2].astype(np.float32)
 
-    def __call__(self, events, T_cam_port: Pose, polarity, gate_px: float):
-        """Events (M,) within ``gate_px`` of an edge at a pose.
-
-        Parameters
-        ----------
-        polarity : (B,) int8
-            What each bin takes: 0 or 1, `ANY` or `NONE`.
+    def __call__(self, events, T_cam_port: Pose, usable, gate_px: float):
+        """Events (M,) within ``gate_px`` of the nearest edge at a pose, at bins that are ``usable`` (B,).
 
         Returns
         -------
-        count, sum_px : (B,)
-            The number of events at each bin, and the sum of their distances from the edge, outward.
+        count, sum_px : (2, B)
+            By polarity, the number of events at each bin and the sum of their distances from the edge,
+            outward.
         """
-        port, edges = self.port, self.edges
-        count, sum_px = np.zeros(len(edges.points_m)), np.zeros(len(edges.points_m))
+        port, count = self.port, np.zeros((2, len(self.edges.points_m)))
+        sum_px = np.zeros_like(count)
         _sort_to_edges(
             events["x"], events["y"], events["p"], self._rays,
             np.ascontiguousarray(T_cam_port.rotation), np.ascontiguousarray(T_cam_port.position_m),
             self.camera.fx_px, self.camera.fy_px,
             np.array([port.ring_outer_radius_m, port.ring_inner_radius_m]),
             port.plate_height_m, port.symmetry, port.marker_radius_m, np.array(port.marker_size_m) / 2,
-            np.ascontiguousarray(polarity, np.int8), gate_px, count, sum_px,
+            np.ascontiguousarray(usable), gate_px, count, sum_px,
         )  # fmt: skip
         return count, sum_px
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, middle, half, polarity, gate_px,
+def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, middle, half, usable, gate_px,
                    count, sum_px):  # fmt: skip
     """Adds each event to the bin of the nearest edge within the gate, in ``count`` and ``sum_px``."""
     ex = -(R[0, 0] * p[0] + R[1, 0] * p[1] + R[2, 0] * p[2])  # the eye in the port's frame
@@ -163,7 +156,7 @@ def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, midd
             e = (r - radii[k]) * _px_per_m(R, x, y, s, fx, fy, X / r, Y / r, -Y / r, X / r)
             if abs(e) < abs(best):
                 b = int((np.arctan2(Y, X) + np.pi) / (2 * np.pi) * RING_BINS) % RING_BINS + k * RING_BINS
-                if polarity[b] == ANY or polarity[b] == ps[i]:
+                if usable[b]:
                     nearest, best = b, (e if k == 0 else -e)
 
         s = (height - ez) / dz  # the markers' plane
@@ -190,11 +183,11 @@ def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, midd
                     e = off * _px_per_m(R, x, y, s, fx, fy, ox, oy, -oy, ox)
                     if abs(e) < abs(best):
                         b = 2 * RING_BINS + (m * 4 + side) * SIDE_BINS + int(place * SIDE_BINS)
-                        if polarity[b] == ANY or polarity[b] == ps[i]:
+                        if usable[b]:
                             nearest, best = b, e
         if nearest >= 0:
-            count[nearest] += 1.0
-            sum_px[nearest] += best
+            count[int(ps[i]), nearest] += 1.0
+            sum_px[int(ps[i]), nearest] += best
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

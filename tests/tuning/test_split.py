@@ -6,8 +6,10 @@ from pathlib import Path
 import calibrate_uncertainty
 import choose_look
 import choose_thresholds
+import numpy as np
 import pandas as pd
 import pytest
+import tune_between
 import tune_fusion
 import validation_world
 import wrong_poses
@@ -16,10 +18,11 @@ from lmmap.bench import photometry
 from lmmap.bench.laboratory import sequence
 from lmmap.provenance import DATA, load_json
 from lmmap.settings import OURS
-from lmmap.studies import accuracy_run
+from lmmap.studies import accuracy_run, between_images
 from lmmap.training import dataset
 
 TUNED_ON = {
+    "tuning/tune_between.py": tune_between.SEQUENCES,
     "tuning/tune_fusion.py": tune_fusion.SEQUENCES,
     "tuning/calibrate_uncertainty.py": calibrate_uncertainty.SEQUENCES,
     "tuning/choose_thresholds.py": [*choose_thresholds.SEQUENCES, *choose_thresholds.EMPTY],
@@ -34,10 +37,10 @@ FUSION = DATA / "results" / "fusion"
 
 @pytest.mark.parametrize("names", TUNED_ON.values(), ids=TUNED_ON)
 def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
-    assert all(name.startswith(("realistic-", "augmented-", "empty-1")) for name in names)
+    assert all(name.startswith(("realistic-", "augmented-", "speed-", "empty-1")) for name in names)
     judged = {name for profile in ("quick", "paper") for name in accuracy_run.sequences_of(profile)}
     assert all(name.startswith(("test-", "hard-", "empty-")) for name in judged)
-    assert not judged & set(names)
+    assert not (judged | set(between_images.SEQUENCES)) & set(names)
 
 
 def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
@@ -122,3 +125,18 @@ def test_thresholds_stay_within_chance_and_without_false_poses():
     assert choose_thresholds.choice(table.assign(right=[80, 90, 99]), present).mask_threshold == 0.6
     assert choose_thresholds.choice(table.assign(wrong=[9, 0, 0]), present).mask_threshold == 0.6
     assert choose_thresholds.choice(table.assign(false=0), present).mask_threshold == 0.7
+
+
+def test_how_long_events_err_alike_is_the_scripts_choice():
+    grid = pd.read_csv(DATA / "results" / "between" / "grid.csv")
+    assert tune_fusion.choice(grid).correlation_s == OURS.between.correlation_s
+    edges = pd.read_csv(DATA / "results" / "between" / "edges.csv")
+    single = edges[edges.events == 1]
+    assert abs(np.average(single.outward_px, weights=single.pieces) - OURS.between.outward_px) < 0.15
+    variance_px2 = np.average(single.variance_px2, weights=single.pieces)
+    assert abs(np.sqrt(variance_px2) - np.hypot(OURS.between.sigma_px, OURS.between.common_px)) < 0.15
+
+
+def test_a_speed_of_the_study_is_another_path_than_those_that_tune():
+    numbers = {name.rsplit("-", 1)[1] for name in between_images.SEQUENCES}
+    assert not numbers & {name.rsplit("-", 1)[1] for name in tune_between.SEQUENCES}

@@ -1,0 +1,100 @@
+"""Chooses `BetweenSettings`, on sequences that neither train nor test anything.
+
+    python tuning/tune_between.py
+
+The first table is of events at the edges of the true poses: how far outward they lie, and how their scatter
+falls with their number.  ``outward_px``, ``sigma_px`` and ``common_px`` are read off it.  The second is of
+tracks: events err alike for a while, and how long is chosen by the rule of `tune_fusion`.  Of the settings
+whose 95 % region holds 95 % of the true poses, within a standard error over sequences, it takes the one with
+the best logarithmic score.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.stats import chi2
+from tune_fusion import choice
+
+from lmmap.provenance import DATA, DERIVED_DATA, save_table
+from lmmap.settings import OURS
+from lmmap.studies import between_images
+from lmmap.studies.metrics import pose_difference
+from lmmap.tracking.edges import EdgeFinder
+from lmmap.types import Port
+
+SECONDS = {"1.5": 4.0, "30": 2.0, "150": 2.0}
+NUMBERS = {"1.5": (102,), "30": range(101, 107), "150": range(101, 107)}  # two of each light
+SEQUENCES = [f"speed-{mm_s}-{n}" for mm_s, numbers in NUMBERS.items() for n in numbers]
+FOLDER = DERIVED_DATA / "between"
+CORRELATION_S = (0.02, 0.03, 0.05)
+EVERY_US, HALF_US, LEAST_PX_S = 6000, 1000, 3.0
+
+
+def residuals(recording, port: Port, gate_px: float) -> pd.DataFrame:
+    """Number and summed distance of the events at each piece of an edge at true poses, by polarity."""
+    finder, events, rows = EdgeFinder(port, recording.camera), recording.events, []
+    last_us = min(events["t_us"][-1], recording.truth.t_us[-1]) - 2 * EVERY_US
+    for t_us in range(100_000, int(last_us), EVERY_US):
+        T = recording.truth.at(np.array([t_us - 5000, t_us, t_us + 5000]))
+        velocity = pose_difference(T[:1], T[2:], port.yaw_period_rad)[0] / 0.01
+        moves_px_s = finder.edges.jacobian(T[1], recording.camera) @ velocity
+        usable = finder.edges.visible(T[1], port, recording.camera) & (np.abs(moves_px_s) > LEAST_PX_S)
+        start, stop = np.searchsorted(events["t_us"], [t_us - HALF_US, t_us + HALF_US])
+        count, sum_px = finder(events[start:stop], T[1], usable, gate_px)
+        own = (moves_px_s > 0).astype(int)  # the polarity that the motion makes
+        pieces = np.arange(len(own))
+        rows.append(np.stack([count[own, pieces], sum_px[own, pieces], count[1 - own, pieces]], -1))
+    table = pd.DataFrame(np.concatenate(rows), columns=["events", "sum_px", "other"])
+    return table[table.events > 0].assign(sequence=recording.name)
+
+
+def scatter(table: pd.DataFrame) -> pd.DataFrame:
+    """By the number of events at a piece: outward distance, variance of their mean, other polarity."""
+    groups = table.assign(mean_px=table.sum_px / table.events).groupby(
+        [table.sequence.str.split("-").str[1], pd.cut(table.events, [0, 1, 3, 7, 1000])], observed=True
+    )
+    rows = groups.agg(pieces=("events", "size"), events=("events", "mean"), outward_px=("mean_px", "mean"),
+                      variance_px2=("mean_px", "var"), other=("other", "mean"))  # fmt: skip
+    return rows.rename_axis(["speed_mm_s", "number"]).reset_index().drop(columns="number")
+
+
+def judged(cases, correlation_s: float, port: Port) -> dict:
+    """A row of the grid: how tracks with events do on all cases."""
+    settings = replace(OURS.between, correlation_s=correlation_s)
+    followed = [(between_images.follow(r, a, port, settings), r) for r, a in cases]
+    table = pd.concat([between_images.errors(f, r, port) for f, r in followed])
+    table = table[table.method == between_images.METHODS[-1]]
+    inside = 100 * (table.nees < chi2.ppf(0.95, 6))
+    return {
+        "correlation_s": correlation_s,
+        "score": table.score.mean(),
+        "inside_95_percent": inside.mean(),
+        "chance": inside.groupby(table.sequence).mean().sem(),
+        "times": len(table),
+        "position_mm": table.position_mm.median(),
+        "rotation_deg": table.rotation_deg.median(),
+    }
+
+
+def main() -> None:
+    port = Port.lm_map()
+    seconds = {name: SECONDS[name.split("-")[1]] for name in SEQUENCES}
+    recordings = [between_images.recorded(name, s, FOLDER) for name, s in seconds.items()]
+    facts = {"command": "python tuning/tune_between.py", "sequences": SEQUENCES, "seconds": SECONDS}
+    edges = scatter(pd.concat([residuals(r, port, OURS.between.gate_px) for r in recordings]))
+    save_table(DATA / "results" / "between" / "edges.csv", edges, **facts)
+
+    cases = [(r, between_images.kept_arrivals(r, FOLDER)) for r in recordings]
+    tasks = (delayed(judged)(cases, correlation_s, port) for correlation_s in CORRELATION_S)
+    grid = pd.DataFrame(Parallel(n_jobs=len(CORRELATION_S), max_nbytes=None)(tasks))
+    save_table(DATA / "results" / "between" / "grid.csv", grid, **facts)
+    print(grid.round(3).to_string())
+    print("chosen:", choice(grid).to_dict())
+
+
+if __name__ == "__main__":
+    main()
