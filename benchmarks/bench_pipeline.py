@@ -20,7 +20,7 @@ import numpy as np
 import plain
 import torch
 
-from lmmap.pipeline import circle, yaw
+from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.ring import skeleton_points
@@ -77,8 +77,13 @@ def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
     if isinstance(found, Contour):
         candidates = watch("circle", estimator.candidates, found.ellipse)
         reflectors = watch("reflector filter", estimator.find_reflectors, image, candidates)
-        best = watch("yaw", yaw.fast_yaw, reflectors, candidates[:2], port, camera)
-        watch("joint refinement", estimator.refine, best, found, reflectors)
+        edges = watch("edges of the image", outline.edges, image)
+        weights = estimator.settings.yaw_weights[estimator.modality]
+        best = watch("yaw", yaw.fast_yaw, reflectors, candidates[:2], port, camera, estimator.settings, edges,
+                     weights)  # fmt: skip
+        T_cam_port, covariance, _ = watch("joint refinement", estimator.refine, best, found, reflectors)
+        watch("on edges", estimator.refine_on_edges, T_cam_port, covariance, best, edges)
+        watch("confidence", estimator.confidence, T_cam_port, covariance, best, image, ring, reflectors)
 
 
 def has_bfloat16() -> bool:
