@@ -63,7 +63,7 @@ def live(a) -> None:
 
 def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
     """Print the track's answer to each image; their statuses and delays, and how many images were skipped."""
-    statuses, late_ms, skipped, last_us = [], [], 0, -1
+    statuses, late_ms, skipped, last_us = [], [], 0, -np.inf
     form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
     images = devices.newest(device, a.modality, estimator.settings.events_per_window, seconds=a.seconds)
     tracker = Tracker(estimator)

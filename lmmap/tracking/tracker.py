@@ -153,7 +153,7 @@ def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tupl
     """
     last_us: dict[int, int] = {}  # by the number of an image's axes: one camera each
     for shot in timed:
-        if shot.t_us <= last_us.get(shot.image.ndim, -1):
+        if shot.t_us <= last_us.get(shot.image.ndim, -np.inf):
             continue
         last_us[shot.image.ndim] = shot.t_us
         e = tracker(shot.image, shot.t_us, shot.wider)
