@@ -8,6 +8,7 @@ writes data/results/formats.csv anew.
 import contextlib
 import io
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ TABLE = DATA / "results" / "formats.csv"
 MEANS = {True: "yes", False: "no"}
 
 
+@cache
 def short() -> Recording:
     """A quarter of a second of the committed recording, its times from 0."""
     r = open_recording(every.MINI)
