@@ -59,7 +59,8 @@ def accuracy_table(compared: pd.DataFrame, statistics: Sequence[str] = STATISTIC
     wide = wide_table(pd.concat(parts), statistics, list(estimators.values()))
     unstated = WORDS["wrong_percent", "in_fov"], estimators.get("table1")
     if unstated in wide.index:
-        wide.loc[unstated] = "not stated"
+        wide = wide.astype(object)
+        wide.loc[unstated, wide.notna().any()] = "not stated"
     return wide
 
 
