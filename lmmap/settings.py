@@ -47,7 +47,11 @@ class MotionSettings:
 
 @dataclass(frozen=True)
 class BetweenSettings:
-    """How events correct a track between images; all but the period chosen by ``tuning/tune_between.py``."""
+    """How events correct a track between images.
+
+    ``tuning/tune_between.py`` chose the correlation and measured the residuals that give offset and
+    deviations; motion, gate and ``sure_sigmas`` were set by hand on its sequences.
+    """
 
     period_us: int = 2000  # of updates: 500 Hz
     gate_px: float = 2.5  # from an edge: events farther away are not the edge's

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..geometry.markers import reach_m
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..settings import OURS, Settings
 from ..types import Camera, Estimate, Port, Pose
-from . import yaw
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
@@ -97,7 +97,7 @@ def markers_box_px(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest (u, v) that the markers and the search for them reach at poses (N,), whatever
     the yaw, and a border around that."""
-    disc = circle_points_m(yaw.reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
+    disc = circle_points_m(reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
     seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
     seen = seen[np.isfinite(seen).all(-1)]
     if not len(seen):

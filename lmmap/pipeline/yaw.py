@@ -7,15 +7,15 @@ their outline, tells the two circles' poses apart.  The markers are projected in
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import cv2
 import numpy as np
 
+from ..geometry.markers import corners_m, marker_points_m, polar_template
 from ..geometry.rotations import rotation_z
 from ..geometry.sampling import project_points, sample
 from ..settings import OURS, PAPER, PaperSettings, Settings
-from ..types import Camera, Port, Pose, frozen_array
+from ..types import Camera, Port, Pose
 from . import outline
 
 
@@ -56,7 +56,7 @@ def paper_yaw(
     mask = _check(reflector_mask, T_cam_port, camera)
     yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
     hypotheses = _turn(T_cam_port[:, None], yaws)  # (2, N)
-    corners = project_points(hypotheses, _corners_m(port), camera)  # (2, N, S, 4, 2)
+    corners = project_points(hypotheses, corners_m(port), camera)  # (2, N, S, 4, 2)
     total, mean = np.zeros((2, len(yaws))), np.zeros((2, len(yaws)))
     if np.all(np.isfinite(corners)):
         low = np.floor(corners.min((0, 1, 2, 3))).astype(int).clip(0, camera.size_px)
@@ -94,7 +94,7 @@ def fast_yaw(
     by the mask and by `outline.support` together, with ``weights`` (4,), `Settings.yaw_weights`.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
-    _, template, step_rad = _polar_template(port, settings.yaw_step_rad)
+    _, template, step_rad = polar_template(port, settings.yaw_step_rad)
     folded, correlation = _correlate(mask, T_cam_port, port, camera, settings)
     criterion = correlation / template.sum()
     if edges is not None:
@@ -107,7 +107,7 @@ def fast_yaw(
     yaw_margin = _margin(evidence, settings.other_yaw_share)
     poses = _turn(T_cam_port, yaw_rad)
 
-    outlines = project_points(poses, np.concatenate([_corners_m(port), _marker_points_m(port)], 1), camera)
+    outlines = project_points(poses, np.concatenate([corners_m(port), marker_points_m(port)], 1), camera)
     mean, area = sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
     sigma_rad = settings.yaw_inflation * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
     unknown_rad = port.yaw_period_rad / np.sqrt(12)
@@ -123,7 +123,7 @@ def fast_yaw(
 def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
     """Mean of the mask (H, W) inside the projected markers of poses (N,), shape (N,)."""
     mask = np.ascontiguousarray(reflector_mask, np.float32)
-    return sample(mask, project_points(T_cam_port, _marker_points_m(port), camera)).mean((1, 2))
+    return sample(mask, project_points(T_cam_port, marker_points_m(port), camera)).mean((1, 2))
 
 
 def marker_means(
@@ -131,14 +131,14 @@ def marker_means(
 ) -> np.ndarray:
     """Mean of the mask (H, W) inside the markers of two poses at each yaw of the grid, (2, yaws): the first
     of what `fast_yaw` weighs."""
-    _, template, _ = _polar_template(port, settings.yaw_step_rad)
+    _, template, _ = polar_template(port, settings.yaw_step_rad)
     return _correlate(reflector_mask, T_cam_port, port, camera, settings)[1] / template.sum()
 
 
 def _correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings):
     """The mask on polar coordinates of the markers' plane, its sectors folded, (2, R, yaws), and its circular
     correlation with one marker (2, yaws)."""
-    points_m, template, _ = _polar_template(port, settings.yaw_step_rad)
+    points_m, template, _ = polar_template(port, settings.yaw_step_rad)
     folded = sample(mask, project_points(T_cam_port, points_m, camera))
     folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
     spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
@@ -148,46 +148,6 @@ def _correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Set
 def _turn(T: Pose, yaw_rad) -> Pose:
     rotation = T.rotation @ rotation_z(yaw_rad)
     return Pose(rotation, np.broadcast_to(T.position_m, rotation.shape[:-1]))
-
-
-def reach_m(port: Port) -> float:
-    """Radius about the port's axis within which `fast_yaw` looks for the markers."""
-    tangential, depth = np.array(port.marker_size_m) / 2
-    return float(1.1 * np.hypot(port.marker_radius_m + depth, tangential))
-
-
-@lru_cache
-def _polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
-    """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
-    folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
-    per_period = round(port.yaw_period_rad / yaw_step_rad)
-    step_rad = port.yaw_period_rad / per_period
-    angles = np.arange(per_period * port.symmetry) * step_rad
-    tangential, depth = np.array(port.marker_size_m) / 2
-    near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
-    radii = np.linspace(0.8 * near, reach_m(port), radial)
-    x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
-    marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
-    template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
-    points_m = np.stack([x, y, np.full_like(x, port.plate_height_m)], -1)
-    return frozen_array(points_m), frozen_array(template), step_rad
-
-
-_corners_m = lru_cache(Port.marker_corners_m)
-
-
-@lru_cache
-def _marker_points_m(port: Port, tangential: int = 24, radial: int = 8):
-    """Points spread evenly over the markers, shape (symmetry, radial * tangential, 3)."""
-    corners = _corners_m(port)
-    s, t = ((np.arange(n) + 0.5) / n for n in (radial, tangential))
-    along, across = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
-    grid = (
-        corners[:, 0][:, None, None]
-        + s[:, None, None] * along[:, None, None]
-        + t[None, :, None] * across[:, None, None]
-    )
-    return frozen_array(grid.reshape(len(corners), -1, 3))
 
 
 def _area_px(corners_px):
