@@ -15,7 +15,7 @@ from lmmap.recordings.formats import WRITERS, write_recording
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 
-CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
+CAMERA = Camera(64, 48, 324.0, 324.0, 31.5, 23.5)
 
 
 def recording(rng) -> Recording:

@@ -15,7 +15,7 @@ matplotlib.use("Agg")
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 def test_the_file_can_be_swapped(tmp_path, modality, capsys):
-    rng, camera = np.random.default_rng(0), Camera(120, 90, 110.0, 110.0, 59.5, 44.5)
+    rng, camera = np.random.default_rng(0), Camera(120, 90, 324.0, 324.0, 59.5, 44.5)
     e = np.zeros(30_000, EVENT)
     e["t_us"] = np.sort(rng.integers(0, 600_000, len(e))) + 10**9
     e["x"], e["y"] = rng.integers(0, 120, len(e)), rng.integers(0, 90, len(e))
