@@ -53,6 +53,7 @@ class BoundedDirectory(DirectoryReader):
         super().open()
 
     def messages(self, connections, start=None, stop=None):
+        """Yield connection, time (ns) and bytes of each message, unpacked within limits."""
         packed = self.metadata.compression_mode == "message"
         self.metadata = self.metadata._replace(compression_mode=None)  # the library's would inflate unbounded
         for connection, time_ns, raw in super().messages(connections, start, stop):
