@@ -38,11 +38,17 @@ def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -
         rows.append((estimator, has_pose, wrong))
         if estimator == "ours":
             rows.append(("certain", has_pose & in_view.certain.to_numpy(bool), wrong))
-    return pd.DataFrame([{
-        "estimator": estimator, "right_percent": 100 * (has_pose & ~wrong).mean(),
-        "wrong_percent": 100 * (has_pose & wrong).mean(), "none_percent": 100 * (~has_pose).mean(),
-        "images": len(in_view),
-    } for estimator, has_pose, wrong in rows])  # fmt: skip
+    return pd.DataFrame([{"estimator": e} | shares(has_pose, wrong) for e, has_pose, wrong in rows])
+
+
+def shares(has_pose: np.ndarray, wrong: np.ndarray) -> dict[str, float]:
+    """Of images (N,) that have a pose, and whose pose is wrong: percentages by answer, and their number."""
+    return {
+        "right_percent": 100 * (has_pose & ~wrong).mean(),
+        "wrong_percent": 100 * (has_pose & wrong).mean(),
+        "none_percent": 100 * (~has_pose).mean(),
+        "images": len(has_pose),
+    }
 
 
 def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -> np.ndarray:

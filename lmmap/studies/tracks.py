@@ -14,7 +14,7 @@ from ..settings import OURS, PAPER, Settings
 from ..tracking.tracker import Tracker, track_images
 from ..types import AnyRecording, Estimate, Status
 from . import pose_errors
-from .right_and_wrong import is_wrong
+from .right_and_wrong import is_wrong, shares
 
 
 def error_tables(
@@ -46,17 +46,14 @@ def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str
     Returns
     -------
     dict
-        ``images, right_percent, wrong_percent, none_percent``.  ``losses``: how often the ring came back;
+        `right_and_wrong.shares`.  ``losses``: how often the ring came back;
         ``found_late``: of these, after how many neither the first nor the second image had a right pose.
     """
     whole = pd.concat(tables).query("in_view")
     wrong, seen = is_wrong(whole, "", settings), whole.position_error_m.notna().to_numpy()
     waits = [wait for table in tables for wait in images_to_a_right_pose(table, settings)]
-    return {
-        "images": len(whole), "right_percent": 100 * (seen & ~wrong).mean(),
-        "wrong_percent": 100 * (seen & wrong).mean(), "none_percent": 100 * (~seen).mean(),
-        "losses": len(waits), "found_late": sum(wait > 2 for wait in waits),
-    }  # fmt: skip
+    late = {"losses": len(waits), "found_late": sum(wait > 2 for wait in waits)}
+    return shares(seen, wrong) | late
 
 
 def images_to_a_right_pose(table: pd.DataFrame, settings: Settings = OURS) -> list[float]:
