@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -58,9 +58,12 @@ def packet(encoding, packed, t_us, time_base=0, **changes):
     return KINDS["event_camera_msgs/msg/EventPacket"](**values | changes)
 
 
-def bag(path, messages, storage=StoragePlugin.MCAP):
-    """Messages ``(topic, message, t_us)`` as a bag."""
-    with Writer(path, version=9, storage_plugin=storage) as writer:
+def bag(path, messages, storage=StoragePlugin.MCAP, compression=None):
+    """Messages ``(topic, message, t_us)`` as a bag; compressed by the library's mode, if one is given."""
+    writer = Writer(path, version=9, storage_plugin=storage)
+    if compression is not None:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
         connections = {}
         for topic, message, t_us in messages:
             kind = message.__msgtype__

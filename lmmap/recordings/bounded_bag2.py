@@ -51,14 +51,13 @@ class BoundedDirectory(DirectoryReader):
         for packed in self.path.glob("*.zstd"):
             _check_unpacked(packed)
         super().open()
+        self._packed = self.metadata.compression_mode == "message"
+        self.metadata = self.metadata._replace(compression_mode=None)  # the library would inflate unbounded
 
     def messages(self, connections, start=None, stop=None):
         """Yield connection, time (ns) and bytes of each message, unpacked within limits."""
-        packed = self.metadata.compression_mode == "message"
-        self.metadata = self.metadata._replace(compression_mode=None)  # the library's would inflate unbounded
         for connection, time_ns, raw in super().messages(connections, start, stop):
-            yield connection, time_ns, _inflated(zstd.ZstdDecompressor(), raw) if packed else raw
-        self.metadata = self.metadata._replace(compression_mode="message" if packed else None)
+            yield connection, time_ns, _inflated(zstd.ZstdDecompressor(), raw) if self._packed else raw
 
 
 class BoundedBag(Reader):

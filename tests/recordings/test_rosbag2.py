@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from foreign_files import KINDS, STORE, array, bag, header, image, packet
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lmmap.cli import main
 from lmmap.recordings.formats import open_recording, open_stream
@@ -104,6 +104,16 @@ def test_encodings_of_images(tmp_path, encoding):
     back = open_recording(bag(tmp_path / "b", [("/i", image(raw, START_US, encoding), START_US)]), CAMERA)
     expected = np.repeat(picture[..., :1], 3, -1) if encoding == "mono8" else picture
     np.testing.assert_array_equal(back.frames, expected[None])
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_compressed_bags(tmp_path, storage, mode):
+    events, picture = some_events(), some_frame()
+    messages = [("/e", array(events), START_US), ("/i", image(picture, START_US), START_US)]
+    back = open_recording(bag(tmp_path / "b", messages, storage, mode), CAMERA)
+    np.testing.assert_array_equal(back.events, events)
+    np.testing.assert_array_equal(back.frames, picture[None])
 
 
 def test_compressed_images(tmp_path):
