@@ -2,10 +2,14 @@
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.port import in_view
+from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
-from lmmap.types import Camera, Ellipse, Port, Pose
+from lmmap.settings import OURS
+from lmmap.tracking.edges import Edges
+from lmmap.types import EVENT, Camera, Ellipse, Port, Pose
 
 CAMERA = Camera.davis346()
 WIDE = Camera(346, 260, 324.0, 320.0, 170.0, 131.0, (-0.35, 0.12, 0.001, -0.0008, 0.02))
@@ -66,3 +70,26 @@ def seeds():
 def cut(events: np.ndarray, rng, pieces: int = 7) -> list[np.ndarray]:
     """An array in random pieces, some of them empty."""
     return np.split(events, np.sort(rng.integers(0, len(events) + 1, pieces - 1)))
+
+
+def moved(T, step) -> Pose:
+    """A pose after a small step (6,): position, then rotation on the left."""
+    return Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T.rotation, T.position_m + step[:3])
+
+
+def edge_events(rng, t_us, T, velocity, count=400, clutter=0, camera=CAMERA):
+    """Events of edges at a pose: where an edge moves, of the polarity that it makes, a little outward."""
+    edges = Edges.of(PORT)
+    rate = edges.jacobian(T, camera) @ velocity
+    usable = edges.visible(T, PORT, camera) & (np.abs(rate) > 5)
+    b = rng.choice(np.flatnonzero(usable), count) if usable.any() else np.zeros(0, int)
+    out = project(T @ (edges.points_m + 1e-4 * edges.outward), camera) - project(T @ edges.points_m, camera)
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    pixels = project(T @ edges.points_m, camera)[b] + OURS.between.outward_px * out[b]
+    pixels = np.concatenate([pixels + rng.normal(0, 0.5, pixels.shape),
+                             rng.uniform(0, np.array(camera.size_px) - 1, (clutter, 2))])  # fmt: skip
+    events = np.zeros(len(pixels), EVENT)
+    events["x"], events["y"] = np.rint(pixels).astype(int).T
+    events["p"] = np.concatenate([rate[b] > 0, rng.random(clutter) < 0.5])
+    events["t_us"] = t_us + np.arange(len(events)) % 100
+    return np.sort(events, order="t_us")

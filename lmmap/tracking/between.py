@@ -13,8 +13,10 @@ so that a few thousand events become one matrix (6, 6) and one vector (6,) for t
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,18 +67,36 @@ class Between:
     """
 
     def __init__(self, camera: Camera, port: Port, settings: BetweenSettings = OURS.between):
-        self.settings = settings
-        self._fusion = Fusion(port.yaw_period_rad, settings.motion)
-        self._finder = EdgeFinder(port, camera)
+        self.camera, self.port, self.settings = camera, port, settings
+        self.used = 0  # events at an edge so far
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the track and what events said of it."""
+        self._fusion = Fusion(self.port.yaw_period_rad, self.settings.motion)
         self._past: deque[tuple[MotionState, EdgeInformation | None]] = deque()
         self._waiting, self._image_us = np.zeros(0, EVENT), None
         self._visible, self._visible_us = None, None
-        self.used = 0  # events at an edge so far
+
+    @cached_property
+    def _finder(self) -> EdgeFinder:
+        return EdgeFinder(self.port, self.camera)
 
     @property
     def state(self) -> MotionState | None:
         """The track after its last update; None before the first pose."""
         return self._past[-1][0] if self._past else None
+
+    @property
+    def first_us(self) -> int | float:
+        """The earliest time that can be asked for: that of the last estimate taken, within `MEMORY_S`."""
+        known = [self._image_us] * (self._image_us is not None) + [s.t_us for s, _ in list(self._past)[:1]]
+        return max(known, default=-np.inf)
+
+    @property
+    def seen_us(self) -> int | float:
+        """The time of the last estimate that the track took."""
+        return max(self._fusion.seen_us.values(), default=-np.inf)
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
         """Take the estimates of one time, as `fusion.Fusion.add`.
@@ -86,22 +106,36 @@ class Between:
         ValueError
             As there, and for a time before the last estimates' or beyond `MEMORY_S`.
         """
-        t_us, again = min(e.t_us for e in estimates.values()), []
-        first_us = max(
-            [us for us in (self._image_us, self._past and self._past[0][0].t_us) if us], default=t_us
-        )
-        if t_us < first_us:
-            raise ValueError(f"estimates: expected {first_us} us or later, got {t_us}")
+        t_us = min(e.t_us for e in estimates.values())
+        with self.before(t_us) as fusion:
+            fusion.add(estimates)
+            self._image_us = t_us
+
+    @contextmanager
+    def before(self, t_us: int) -> Iterator[Fusion]:
+        """The track as it was known at a time, to be asked or corrected; what events have said since is taken
+        again afterwards.
+
+        Raises
+        ------
+        ValueError
+            For a time before `first_us`.
+        """
+        if t_us < self.first_us:
+            raise ValueError(f"t_us: expected {self.first_us} or later, got {t_us}")
+        since = []
         while self._past and self._past[-1][0].t_us > t_us:
-            again.append(self._past.pop()[1])
-        if self._past:
+            since.append(self._past.pop())
+        known = self._fusion.state = self.state
+        try:
+            yield self._fusion
+        finally:
+            changed = self._fusion.state is not known
+            if changed:
+                self._keep(self._fusion.state, None)
+            for state, information in reversed(since):
+                self._keep(information.update(self.state) if changed else state, information)
             self._fusion.state = self.state
-        self._fusion.add(estimates)
-        self._image_us = t_us
-        if self._fusion.state is not None:
-            self._past.append((self._fusion.state, None))
-        for information in reversed(again):
-            self._append(information)
 
     def events(self, events) -> int:
         """Take events (M,) EVENT in the order of time; returns how many updates they made.
@@ -123,8 +157,11 @@ class Between:
         return sum(self._update(piece) for piece in whole)
 
     def at(self, t_us: int) -> Estimate:
-        """The estimate at a time not before the last update's, as `fusion.Fusion.at`."""
-        return self._fusion.at(t_us)
+        """The estimate at a time not before `first_us`, by what was known then, as `fusion.Fusion.at`."""
+        if self.state is None or t_us >= self.state.t_us:
+            return self._fusion.at(t_us)
+        with self.before(t_us) as fusion:
+            return fusion.at(t_us)
 
     def measure(self, events) -> EdgeInformation | None:
         """What events of a short time say about the predicted pose; None where no edge is known well enough.
@@ -135,9 +172,8 @@ class Between:
         so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
         """
         s, t_us = self.settings, int(events["t_us"].mean())
-        if self.state is None or t_us < self.state.t_us:
+        if self.state is None or t_us < self.state.t_us or (state := self._fusion.predicted(t_us)) is None:
             return None
-        state = self.state.predict(t_us)
         T, P = state.T_cam_port, state.covariance
         J = self._finder.edges.jacobian(T, self._finder.camera)
         moves_px_s = J @ state.velocity
@@ -166,12 +202,12 @@ class Between:
     def _update(self, events) -> bool:
         if (information := self.measure(events)) is None:
             return False
-        self._append(information)
+        self._fusion.state = information.update(self.state)
+        self._keep(self._fusion.state, information)
         self.used += information.events
-        while self._past[0][0].t_us < information.t_us - 1e6 * MEMORY_S:
-            self._past.popleft()
         return True
 
-    def _append(self, information: EdgeInformation) -> None:
-        self._fusion.state = information.update(self.state)
-        self._past.append((self._fusion.state, information))
+    def _keep(self, state: MotionState, information: EdgeInformation | None) -> None:
+        self._past.append((state, information))
+        while self._past[0][0].t_us < state.t_us - 1e6 * MEMORY_S:
+            self._past.popleft()

@@ -1,8 +1,9 @@
 """One image after another: the port is looked for where its motion says that it is.
 
-A `Fusion` of both cameras predicts the port.  The ring filter runs about the predicted ring only, and the
-predicted ellipse is the first hypothesis for the ring.  What is measured there is judged as in any image, and
-an image without a ring where it was expected is looked at in full.
+A track of both cameras, which events between the images correct, predicts the port.  The ring filter runs
+about the predicted ring only, and the predicted ellipse is the first hypothesis for the ring.  What is
+measured there is judged as in any image, and an image without a ring where it was expected is looked at in
+full.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from ..pipeline.estimator import Estimator
 from ..pipeline.run import TimedImage
 from ..types import Estimate, Status
+from .between import Between
 from .crop import expected_ring
 from .fusion import Fusion
 
@@ -29,16 +31,21 @@ class Tracker:
     *estimators
         One for each kind of image, of the same camera and port.  They hold no state, so several trackers may
         share them.
+    events
+        Whether the camera's events will be told between the images (`add_events`).  The track then assumes
+        the livelier motion of ``settings.between``, which events can follow.
     """
 
-    def __init__(self, *estimators: Estimator):
+    def __init__(self, *estimators: Estimator, events: bool = False):
         kinds = [e.modality for e in estimators]
         if not kinds or len(set(kinds)) < len(kinds):
             raise ValueError(f"estimators: expected one for each kind of image, got {kinds}")
         if any(e.camera != estimators[0].camera or e.port != estimators[0].port for e in estimators):
             raise ValueError("estimators: expected the same camera and port, got different ones")
         self.estimators, self.settings = {e.modality: e for e in estimators}, estimators[0].settings
-        self._track, self._support = self._new_track(), 0
+        first, between = estimators[0], self.settings.between
+        between = between if events else replace(between, motion=self.settings.motion)
+        self._track, self._support, self._has_events = Between(first.camera, first.port, between), 0, events
         self._last_us: dict[str, int] = {}  # of each camera's last image
         self._since_full = 0
 
@@ -70,62 +77,80 @@ class Tracker:
         if modality not in self.estimators:
             raise ValueError(f"image: expected one of {list(self.estimators)}, got shape {np.shape(image)}")
         self._keep_time(t_us, modality)
-        if self._track.predicted(t_us) is None:
-            self._support = 0
-        looks = [(t_us, image)] + ([wider] if wider and wider[0] >= self._now_us else [])
+        looks = [(t_us, image)] + ([wider] if wider and wider[0] >= self._track.first_us else [])
         estimates = []
         for look_us, look in looks:
-            e, fits = self._measure(modality, look, look_us)
+            with self._track.before(look_us) as known:
+                if look_us == t_us and known.predicted(t_us) is None:
+                    self._support = 0
+                e, fits = self._measure(known, modality, look, look_us)
             if fits and e.T_cam_port is not None:
                 return self._answer(e, modality, fits)
             estimates.append((e, fits))
         best = max(estimates, key=lambda pair: pair[0].T_cam_port is not None)
         return self._answer(best[0], modality, best[1])
 
+    def add_events(self, events) -> int:
+        """Correct the pose by the events since the last image, or a part of them; returns how many updates
+        they made.
+
+        Events before the last image are taken too, and images may come later than events that are newer.
+        What events say counts at their own time: `at` tells it, and the next image is looked for there.  They
+        begin no track, and hold none for longer than a prediction would.
+
+        Parameters
+        ----------
+        events : (M,) EVENT
+            In the order of time, also from call to call.
+
+        Raises
+        ------
+        ValueError
+            For times that go back, and of a tracker without ``events``.
+        """
+        if not self._has_events:
+            raise ValueError("events: expected a Tracker(..., events=True), got one for images alone")
+        return self._track.events(events)
+
     def at(self, t_us: int) -> Estimate:
-        """The pose at a time not before that of the last image that showed it; ``predicted`` if later."""
+        """The pose at a time not before that of the last image, by the images and events until then.
+
+        ``predicted`` after the last image that showed the port: events follow edges, and do not say whose.
+        """
         e = self._track.at(t_us)
-        later = e.T_cam_port is not None and t_us > self._now_us
+        later = e.T_cam_port is not None and t_us > self._track.seen_us
         return replace(e, status=Status.PREDICTED) if later else e
-
-    @property
-    def _now_us(self) -> int | float:
-        """The time of the track's state."""
-        return -np.inf if self._track.state is None else self._track.state.t_us
-
-    def _new_track(self) -> Fusion:
-        first = next(iter(self.estimators.values()))
-        return Fusion(first.port.yaw_period_rad, self.settings.motion)
 
     def _keep_time(self, t_us: int, modality: str) -> None:
         last_us = self._last_us.get(modality, -np.inf)
-        if t_us <= last_us or t_us < self._now_us:
-            raise ValueError(f"t_us: expected later than {max(last_us, self._now_us)} us, got {t_us} us")
+        if t_us <= last_us or t_us < self._track.first_us:
+            after_us = max(last_us, self._track.first_us)
+            raise ValueError(f"t_us: expected later than {after_us} us, got {t_us} us")
         self._last_us[modality] = t_us
 
-    def _measure(self, modality: str, image: np.ndarray, t_us: int) -> tuple[Estimate, bool]:
+    def _measure(self, track: Fusion, modality: str, image: np.ndarray, t_us: int) -> tuple[Estimate, bool]:
         """The estimate about the predicted ring or, where that does not fit the track, of the whole image;
         and whether it fits."""
-        estimator, state = self.estimators[modality], self._track.predicted(t_us)
+        estimator, state = self.estimators[modality], track.predicted(t_us)
         near = expected_ring(state, estimator) if state else None
         self._since_full += 1
         if near and self._since_full < self.settings.full_frame_every:
-            e, fits = self._judge(estimator(image, t_us, near))
+            e, fits = self._judge(track, estimator(image, t_us, near))
             if fits:
                 return e, fits
         self._since_full = 0
-        return self._judge(estimator(image, t_us))
+        return self._judge(track, estimator(image, t_us))
 
-    def _judge(self, e: Estimate) -> tuple[Estimate, bool]:
+    def _judge(self, track: Fusion, e: Estimate) -> tuple[Estimate, bool]:
         """An estimate, and whether it fits the track.  A pose that the image alone leaves doubtful is one if
         the track expected it."""
-        state = self._track.predicted(e.t_us)
+        state = track.predicted(e.t_us)
         e = replace(e, predicted=state and state.T_cam_port)
         if e.status == Status.UNSURE and e.confidence >= self.settings.min_tracked_confidence:
             sure = replace(e, status=Status.OK, T_cam_port=e.doubtful, doubtful=None)
-            if self._track.fits(sure):
+            if track.fits(sure):
                 return sure, True
-        return e, self._track.fits(e)
+        return e, track.fits(e)
 
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:
         """What image and track say together, and the track after it."""
@@ -135,7 +160,8 @@ class Tracker:
         elif not fits:
             self._support = max(self._support - 1, 0)
             if seen and not self._support:  # what contradicts the track takes its place
-                self._track, self._support, fits = self._new_track(), 1, True
+                self._track.restart()
+                self._support, fits = 1, True
         if fits:
             self._track.add({modality: e})
         track = self._track.at(e.t_us)

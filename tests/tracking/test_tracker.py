@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from strategies import PORT, pose
+from strategies import PORT, edge_events, moved, pose
 
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_between_rad
 from lmmap.pipeline.estimator import Estimator
 from lmmap.settings import OURS
 from lmmap.tracking.tracker import Tracker
-from lmmap.types import Camera, Pose, Status
+from lmmap.types import EVENT, Camera, Pose, Status
 
 CAMERA = Camera(160, 120, 324.0, 324.0, 79.5, 59.5)
 SETTINGS = replace(OURS, min_confidence=0.0)  # the images are blank: only the masks speak
@@ -198,3 +198,76 @@ def test_misuse_is_named():
         Tracker(rgb, Estimator(modality="event", weights=(np.sqrt, np.sqrt)))
     with pytest.raises(ValueError, match=r"image: expected one of \['rgb'\], got shape \(120, 160\)"):
         Tracker(rgb)(scene.histogram(0), 0)
+
+
+START, SPEED = pose((70, 60), 0.75, 0.4, 0.5, 0.1, CAMERA), np.array([0.1, 0.03, -0.02, 0.0, 0.1, 0.2])
+
+
+def pushed(t_us) -> Pose:
+    """A port that moves steadily, and from 250 ms on half as fast again."""
+    return moved(START, SPEED * 1e-6 * (t_us + 0.5 * max(t_us - 250_000, 0)))
+
+
+def followed() -> tuple[Scene, Tracker]:
+    """A tracker that has seen the pushed port each 50 ms until then, and the scene of these times."""
+    scene = Scene([pushed(STEP_US * k) for k in range(8)])
+    tracker = Tracker(scene.estimator(), events=True)
+    for k in range(6):
+        tracker(scene.image(k), STEP_US * k)
+    return scene, tracker
+
+
+def of_the_push(first_us, last_us) -> np.ndarray:
+    """Events of the pushed port's edges."""
+    rng = np.random.default_rng(2)
+    return np.concatenate([edge_events(rng, t_us, pushed(t_us), 1.5 * SPEED, 200, 100, CAMERA)
+                           for t_us in range(first_us, last_us, 2000)])  # fmt: skip
+
+
+def test_events_tell_of_a_push_that_no_image_has_seen():
+    (_, tracker), (_, without) = followed(), followed()
+    assert tracker.add_events(of_the_push(252_000, 330_000)) > 15
+    now, predicted = tracker.at(330_000), without.at(330_000)
+    truth_m = pushed(330_000).position_m
+    behind_m, off_m = (np.linalg.norm(e.T_cam_port.position_m - truth_m) for e in (predicted, now))
+    assert behind_m > 0.003 and off_m < 0.5 * behind_m
+    assert now.status == predicted.status == Status.PREDICTED
+    assert np.linalg.slogdet(now.covariance)[1] < np.linalg.slogdet(predicted.covariance)[1]
+
+
+def test_events_at_no_edge_leave_the_prediction():
+    (_, tracker), (_, without) = followed(), followed()
+    corner = np.zeros(400, EVENT)
+    corner["t_us"] = 251_000 + 100 * np.arange(400)
+    assert tracker.add_events(corner) == tracker.add_events(corner[:0]) == 0
+    a, b = tracker.at(300_000), without.at(300_000)
+    np.testing.assert_array_equal(a.T_cam_port.position_m, b.T_cam_port.position_m)
+    np.testing.assert_array_equal(a.covariance, b.covariance)
+
+
+def test_an_image_that_is_older_than_the_newest_events_still_counts():
+    """The port is where events say, and the image of 50 ms ago agrees."""
+    scene, tracker = followed()
+    tracker.add_events(of_the_push(252_000, 350_000))
+    before = tracker.at(350_000)
+    assert right(tracker(scene.image(6), 6 * STEP_US), scene.poses[6])
+    after = tracker.at(350_000)
+    assert np.linalg.slogdet(after.covariance)[1] < np.linalg.slogdet(before.covariance)[1]
+    assert np.linalg.norm(after.T_cam_port.position_m - pushed(350_000).position_m) < 0.003
+
+
+def test_events_hold_no_track_that_images_have_lost():
+    _, tracker = followed()
+    lost_us = 250_000 + int(1e6 * SETTINGS.between.motion.lost_s)
+    tracker.add_events(of_the_push(252_000, lost_us + 100_000))
+    assert tracker.at(lost_us).T_cam_port is not None
+    assert tracker.at(lost_us + 100_000).T_cam_port is None
+
+
+def test_events_that_go_back_are_named():
+    _, tracker = followed()
+    tracker.add_events(of_the_push(252_000, 254_000)[:5])
+    with pytest.raises(ValueError, match="got 251000 us after 252"):
+        tracker.add_events(of_the_push(251_000, 253_000))
+    with pytest.raises(ValueError, match="events=True"):
+        Tracker(Scene(approach(1)).estimator()).add_events(np.zeros(0, EVENT))
