@@ -78,7 +78,9 @@ def row(scene: scenes.Scene, start: str) -> dict:
     """EVO's results on a scene, from a start on a plane; errors are those of its longest track."""
     stream, odometry = events(scene), Odometry(CAMERA, Constants(bootstrap_plane=start))
     tracks = odometry.run(stream)
-    cpu_s, count = odometry.cpu_s, odometry.frames_tracked * odometry.constants.events_per_step
+    times = odometry.times
+    mev = times.frames * odometry.constants.events_per_step / 1e6
+    per_mev = 1 / mev if mev else np.nan
     facts = {
         "scene": scene.name,
         "start": start,
@@ -86,9 +88,11 @@ def row(scene: scenes.Scene, start: str) -> dict:
         "mev_per_s": len(stream) / 1e6 / scene.seconds,
         "tracked_to_end": int(len(tracks) == 1 and not tracks[0].lost),
         "tracks": len(tracks),
-        "bootstrap_cpu_s": cpu_s["bootstrap"],
-        "tracking_cpu_s_per_mev": cpu_s["tracking"] / max(count, 1) * 1e6,
-        "mapping_cpu_s_per_mev": cpu_s["mapping"] / max(count, 1) * 1e6,
+        "bootstrap_cpu_s": times.bootstrap_s,
+        "tracking_cpu_s_per_mev": times.tracking_s * per_mev,
+        "mapping_cpu_s_per_mev": times.mapping_s * per_mev,
+        "two_cores_mev_per_s": mev / times.two_cores_s if mev else np.nan,
+        "wall_mev_per_s": mev / times.wall_s if mev else np.nan,
     }
     usable = [t for t in tracks if t.ready_us is not None and t.t_us[-1] - t.ready_us > 2.5e6]
     if not usable:
@@ -108,8 +112,6 @@ def row(scene: scenes.Scene, start: str) -> dict:
         "rotation_error_deg": rotation_deg.mean(),
         "depth_error_percent": 100 * depth.mean(),
         "median_depth_error_percent": 100 * np.median(depth),
-        # tracking runs on one core, the space sweep on two
-        "two_cores_mev_per_s": count / 1e6 / (cpu_s["tracking"] + cpu_s["mapping"] / 2),
     }
 
 

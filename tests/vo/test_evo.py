@@ -1,11 +1,15 @@
 """EVO (`benchmarks/vo/evo`): laws of its parts, and a short sequence that it must follow."""
 
+import time
+
 import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from vo.evo import bootstrap, event_frames, mapping, odometry, scenes, tracking
+from vo.evo import bootstrap, event_frames, mapping, odometry, scenes, sweep, tracking
 from vo.evo.constants import Constants
+from vo.evo.mapper import Mapper
+from vo.evo.stopwatch import Stopwatch
 
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.studies.metrics import umeyama
@@ -38,9 +42,9 @@ def test_the_space_sweep_finds_a_plane_and_a_step(far_m):
                              for s, d in zip(slopes, depth_m, strict=True)])  # fmt: skip
     positions = np.stack([np.linspace(-0.2, 0.2, 120), np.zeros(120), np.linspace(0.05, -0.05, 120)], -1)
     x, y = events_of(points, positions, CONSTANTS.packet_events)
-    planes = mapping.inverse_depths(1.0, 8.0, 100)
+    planes = sweep.inverse_depths(1.0, 8.0, 100)
     rotation = np.tile(np.eye(3), (len(positions), 1, 1))
-    dsi = mapping.space_sweep(
+    dsi = sweep.space_sweep(
         x, y, rotation, positions, CAMERA.K, CAMERA.size_px, planes, CONSTANTS.packet_events
     )
     depth = mapping.extract(dsi, planes, CONSTANTS).depth
@@ -57,8 +61,8 @@ def test_an_edge_along_the_motion_is_not_mapped():
     across = np.stack([np.zeros(400), np.linspace(0.1, 0.6, 400), np.full(400, 2.0)], -1)
     positions = np.stack([np.linspace(-0.2, 0.2, 120), np.zeros(120), np.zeros(120)], -1)
     x, y = events_of(np.concatenate([along, across]), positions, CONSTANTS.packet_events)
-    planes, rotation = mapping.inverse_depths(1.0, 8.0, 100), np.tile(np.eye(3), (len(positions), 1, 1))
-    dsi = mapping.space_sweep(
+    planes, rotation = sweep.inverse_depths(1.0, 8.0, 100), np.tile(np.eye(3), (len(positions), 1, 1))
+    dsi = sweep.space_sweep(
         x, y, rotation, positions, CAMERA.K, CAMERA.size_px, planes, CONSTANTS.packet_events
     )
     depth = mapping.extract(dsi, planes, CONSTANTS).depth
@@ -106,11 +110,21 @@ def test_a_tilted_plane_is_read_off_event_frames():
 
 
 def test_a_ray_votes_once_in_every_plane_that_it_crosses_in_view():
-    planes = mapping.inverse_depths(1.0, 4.0, 20)
+    planes = sweep.inverse_depths(1.0, 4.0, 20)
     x = y = np.array([60, 50, 40, 61], np.int16)
-    dsi = mapping.space_sweep(x, y, np.eye(3)[None], np.zeros((1, 3)), CAMERA.K, CAMERA.size_px, planes, 4)
+    dsi = sweep.space_sweep(x, y, np.eye(3)[None], np.zeros((1, 3)), CAMERA.K, CAMERA.size_px, planes, 4)
     np.testing.assert_allclose(dsi.sum((1, 2)), 4, rtol=1e-5)
     assert dsi[:, 60, 60] == pytest.approx(np.ones(20), abs=1e-3)
+
+
+def test_a_full_cell_takes_no_more_rays_and_spills_none():
+    x, y, planes = np.full(9000, 60, np.int16), np.full(9000, 50, np.int16), sweep.inverse_depths(1.0, 4.0, 3)
+    centre = np.array([[0.003, -0.002, 0.0]])  # so that rays fall between pixels
+    dsi = sweep.space_sweep(x, y, np.eye(3)[None], centre, CAMERA.K, CAMERA.size_px, planes, 9000)
+    few = sweep.space_sweep(x[:16], y[:16], np.eye(3)[None], centre, CAMERA.K, CAMERA.size_px, planes, 16)
+    full = dsi.sum((1, 2))
+    assert (full >= 2048).all() and (full < 9000).all() and (np.count_nonzero(few, (1, 2)) > 1).any()
+    np.testing.assert_allclose(dsi / full[:, None, None], few / 16, atol=1e-6)
 
 
 def test_the_warp_s_jacobian_is_that_of_finite_differences():
@@ -164,20 +178,67 @@ def test_lens_distortion_is_refused():
         odometry.Odometry(Camera(120, 90, 110.0, 110.0, 59.5, 44.5, (0.1, 0, 0, 0)))
 
 
-def test_two_seconds_of_a_scene_are_tracked():
+SCENE, SCENE_CAMERA = scenes.scene("boxes-fast"), Camera(173, 130, 162.0, 162.0, 86.0, 64.5)
+SCENE_CONSTANTS = Constants(
+    events_per_frame=1500, events_per_step=1000, bootstrap_events=3000, map_points=200
+)
+
+
+@pytest.fixture(scope="module")
+def scene_events():
+    return scenes.simulate(SCENE, SCENE_CAMERA, 2.0).events
+
+
+def first_depth_m(events):
+    start = scenes.motion(SCENE, [events["t_us"][1500] * 1e-6])[0]
+    return cv2.erode(
+        scenes.depth_image(SCENE, start, SCENE_CAMERA), np.ones((3, 3))
+    )  # an edge is the nearer's
+
+
+def test_two_seconds_of_a_scene_are_tracked(scene_events):
     """From the true depth of the first view, so that tracking and mapping are seen without the bootstrap."""
-    scene, camera = scenes.scene("boxes-fast"), Camera(173, 130, 162.0, 162.0, 86.0, 64.5)
-    events = scenes.simulate(scene, camera, 2.0).events
-    constants = Constants(events_per_frame=1500, events_per_step=1000, bootstrap_events=3000, map_points=200)
-    start = scenes.motion(scene, [events["t_us"][1500] * 1e-6])[0]
-    depth_m = cv2.erode(scenes.depth_image(scene, start, camera), np.ones((3, 3)))  # an edge is the nearer's
-    (track,) = odometry.Odometry(camera, constants).run(events, depth_m)
+    depth_m = first_depth_m(scene_events)
+    (track,) = odometry.Odometry(SCENE_CAMERA, SCENE_CONSTANTS).run(scene_events, depth_m)
     assert not track.lost and len(track.keyframes) >= 2
     estimate = Pose(np.array(track.rotation), np.array(track.position)).inverse
-    truth = scenes.motion(scene, np.array(track.t_us) * 1e-6).inverse
+    truth = scenes.motion(SCENE, np.array(track.t_us) * 1e-6).inverse
     scale, R, t = umeyama(estimate.position_m, truth.position_m)
     error_m = np.linalg.norm(scale * estimate.position_m @ R.T + t - truth.position_m, axis=1)
     assert np.ptp(truth.position_m, axis=0).max() > 0.3
     assert error_m.mean() < 0.015 * np.median(depth_m) and scale == pytest.approx(1, abs=0.1)
     turned = [np.swapaxes(T.rotation[0], -1, -2) @ T.rotation for T in (estimate, truth)]
     assert np.rad2deg(rotation_angle_rad(np.swapaxes(turned[0], -1, -2) @ turned[1])).mean() < 2
+
+
+class SlowMapper(Mapper):
+    def _timed(self, stretch):
+        time.sleep(0.1)
+        return super()._timed(stretch)
+
+
+def test_poses_do_not_depend_on_how_long_a_map_takes(scene_events):
+    tracks = []
+    for mapper in (Mapper, SlowMapper):
+        evo = odometry.Odometry(SCENE_CAMERA, SCENE_CONSTANTS)
+        evo._mapper = mapper(evo.K, evo.size_px, evo.constants)
+        tracks += evo.run(scene_events, first_depth_m(scene_events))
+    quick, slow = tracks
+    assert quick.keyframes and len(quick.keyframes) == len(slow.keyframes)
+    np.testing.assert_array_equal(quick.position, slow.position)
+    np.testing.assert_array_equal(quick.rotation, slow.rotation)
+
+
+def test_two_cores_wait_only_for_maps_that_are_late():
+    times = Stopwatch()
+    times.track(1.0, bootstrapping=False)
+    times.begin_map()
+    times.track(1.0, bootstrapping=False)
+    times.take_map(0.5, bootstrapping=False)  # was ready
+    assert times.two_cores_s == 2.0
+    times.begin_map()
+    times.track(1.0, bootstrapping=False)
+    times.take_map(3.0, bootstrapping=False)
+    assert (times.two_cores_s, times.tracking_s, times.mapping_s, times.frames) == (5.0, 3.0, 3.5, 3)
+    times.take_map(9.0, bootstrapping=True)
+    assert times.two_cores_s == 5.0 and times.bootstrap_s == 9.0

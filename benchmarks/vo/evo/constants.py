@@ -2,11 +2,14 @@
 
 ``EVO``: Rebecq, Horstschaefer, Gallego, Scaramuzza, "EVO: A Geometric Approach to Event-based 6-DOF
 Parallel Tracking and Mapping in Real-time", RA-L 2017.  ``EMVS``: Rebecq, Gallego, Mueggler, Scaramuzza,
-"EMVS: Event-based Multi-View Stereo", IJCV 2018.  Their numbers were not compared with the print again.
+"EMVS: Event-based Multi-View Stereo", IJCV 2018.
 
-``open``: the papers name the quantity but no number that carries over, or leave the step to the implementer;
-these were chosen here on the scenes of `scenes`.  ``released``: the settings that are published with EVO for
-a live camera, where they name the same quantity; its program itself was not used.
+The print itself was not at hand.  What is marked ``EVO`` was compared with published summaries of the paper
+that quote its numbers, and agrees.  ``EMVS, unchecked``: written down from memory, and no source was found
+to compare it with.  ``open``: chosen here on the scenes of `scenes`, where the papers leave the step to the
+implementer, or where their number does not carry over; theirs then stands behind.  ``released``: the
+settings published with EVO and EMVS for a live camera, where they name the same quantity; their programs
+were not used.
 """
 
 from __future__ import annotations
@@ -19,40 +22,41 @@ class Constants:
     """Every number that the method is free to choose.  Lengths in the map are in units of its own scale."""
 
     # event frames
-    events_per_frame: int = 4000  # EVO: about 2000 on 240 x 180 px; the same density on 346 x 260
-    events_per_step: int = 4000  # open: a pose for each frame of new events (released: 15 000)
-    count_limit: int = 2  # open: events of one pixel that count
+    events_per_frame: int = 4000  # EVO: about 2000 on 240 x 180 px; here the same density
+    events_per_step: int = 4000  # open: a pose a frame of new events (EVO: a sliding window)
+    count_limit: int = 2  # open: events of one pixel that count (EVO: a binary image)
     frame_blur_px: float = 1.0  # open
 
     # space sweep
-    planes: int = 100  # EMVS, EVO: number of depth planes
-    packet_events: int = 256  # EMVS: events that share a camera pose
-    nearest_plane: float = 0.35  # open: of the mean depth; planes are uniform in inverse depth (EMVS)
+    planes: int = 100  # EMVS released; EVO: 50
+    packet_events: int = 256  # EMVS, unchecked: events that share a camera pose
+    nearest_plane: float = 0.35  # open: of the mean depth; uniform in inverse depth (EVO)
     farthest_plane: float = 4.0  # open: of the mean depth
-    threshold_window_px: int = 5  # EMVS: neighbourhood of the adaptive Gaussian threshold
-    threshold_offset: float = 6.0  # EMVS: C = -6, of a confidence map of 8 bits (released: 7)
+    threshold_window_px: int = 5  # EMVS, unchecked: of the adaptive Gaussian threshold
+    threshold_offset: float = 6.0  # EMVS, unchecked: C = -6, of 8 bits (released: 7)
     peak_share: float = 0.5  # open, and not in the papers: see `mapping.extract`
-    median_window_px: int = 15  # EMVS, released: median filter of the semi-dense depth map
-    cleaning_radius_px: int = 5  # EMVS removes isolated points by a radius filter; open: the numbers
+    median_window_px: int = 15  # EVO: median filter of the semi-dense depth map
+    cleaning_radius_px: int = 5  # EVO removes isolated points by a radius; open: the numbers
     cleaning_neighbours: int = 6  # open (released: 2 within 0.2 units of length)
     cleaning_depth_ratio: float = 0.08  # open: relative difference of depth that still is a neighbour
     map_neighbours: int = 12  # released: a second filter for the map that is kept; open: the numbers
     map_depth_ratio: float = 0.025  # open
-    map_events: int = 300_000  # open: the most events of one map (released: a million)
+    map_events: int = 300_000  # open: the most events of one map (EVO: two million)
     map_points: int = 400  # open: the fewest points of a map that is used
     map_retry_frames: int = 10  # open: frames until a map is tried again that had too few points
+    map_frames: int = 25  # EVO: a map every 100 000 events; open: that it is then due
     map_baseline: float = 0.20  # open: of the mean depth; events seen from farther away are not used
 
     # tracking
-    reference_blur_px: float = 1.5  # EVO blurs the projected map; open: how much (released: 3)
-    reference_points: int = 3000  # open: pixels that are aligned, at most (released: batches of 500)
+    reference_blur_px: float = 1.5  # open: of the projected map (EVO: 0.8)
+    reference_points: int = 3000  # open: pixels that are aligned, at most (EVO: batches of 300 to 500)
     reference_shift_px: float = 8.0  # open: mean motion after which the map is projected anew
-    iterations: int = 15  # open (released: 150 of gradient descent)
+    iterations: int = 15  # open (EVO: 5 times through all batches, by gradient descent)
     smallest_step: float = 1e-4  # open: of pose increments (rad, and mean depths)
     damping: float = 1e-3  # open: of the normal equations' diagonal
 
     # keyframes and bootstrapping
-    keyframe_distance: float = 0.15  # EMVS, EVO: of the mean depth; they give 15 to 40 % (released: 10 %)
+    keyframe_distance: float = 0.15  # EVO: of the mean depth (released: 10 %)
     keyframe_overlap: float = 0.60  # open: share of the map within the image (released: 0.9)
     local_keyframes: int = 2  # open: keyframes whose points make the map
     bootstrap_distance: float = 0.06  # open: of the plane's depth, before the first space sweep

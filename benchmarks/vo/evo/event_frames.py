@@ -17,7 +17,7 @@ def event_frame(x, y, size_px: tuple[int, int], count_limit: int, blur_px: float
     return cv2.GaussianBlur(counts, (0, 0), blur_px) if blur_px else counts
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _count(counts, x, y, limit):
     for k in range(len(x)):
         counts[y[k], x[k]] = min(counts[y[k], x[k]] + 1.0, limit)

@@ -1,8 +1,4 @@
-"""EMVS: a semi-dense depth map from events with known poses, by a space sweep (Rebecq et al., IJCV 2018).
-
-Each event is a ray.  Rays are counted where they cross the planes of a projective grid in front of a
-reference camera (the disparity space image, DSI); scene edges lie where many of them meet.
-"""
+"""EMVS: a semi-dense depth map from the counts of a space sweep (Rebecq et al., IJCV 2018); see `sweep`."""
 
 from __future__ import annotations
 
@@ -10,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from .constants import Constants
 
@@ -27,32 +23,6 @@ class DepthMap:
         v, u = np.nonzero(self.depth)
         rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones(len(u))], -1)
         return rays * self.depth[v, u, None]
-
-
-def inverse_depths(nearest: float, farthest: float, planes: int) -> np.ndarray:
-    """Inverse depths of the DSI's planes, uniform, nearest plane first."""
-    return np.linspace(1 / nearest, 1 / farthest, planes)
-
-
-def space_sweep(x, y, rotation, position, K, size_px, planes_inverse_depth, packet_events: int) -> np.ndarray:
-    """The DSI: ray counts with bilinear votes, (planes, H, W) float32.
-
-    Parameters
-    ----------
-    x, y
-        Pixels of events, (N,), in the order of time.
-    rotation, position
-        ``T_ref_cam`` of each packet of ``packet_events`` events, (P, 3, 3) and (P, 3).
-    K, size_px
-        Intrinsic matrix of both cameras; width and height of the reference image.
-    planes_inverse_depth
-        (planes,) of the reference camera.
-    """
-    dsi = np.zeros((len(planes_inverse_depth), size_px[1], size_px[0]), np.float32)
-    slopes = np.empty((len(x), 2), np.float32)
-    _slopes(slopes, x, y, rotation, K, packet_events)
-    _vote(dsi, slopes, np.ascontiguousarray(position, float), K, planes_inverse_depth, packet_events)
-    return dsi
 
 
 def extract(dsi: np.ndarray, planes_inverse_depth: np.ndarray, constants: Constants) -> DepthMap:
@@ -88,11 +58,11 @@ def clean(depth: DepthMap, constants: Constants) -> DepthMap:
     return DepthMap(np.where(kept > 0, depth.depth, 0), depth.confidence)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _keep_peaks(selected, dsi, largest, plane, share):
     """Unselect pixels whose profile does not fall below ``share`` of its maximum on both sides."""
     planes, height, width = dsi.shape
-    for r in prange(height):
+    for r in range(height):
         for c in range(width):
             if selected[r, c]:
                 low, high = share * largest[r, c], int(np.rint(plane[r, c]))
@@ -104,52 +74,12 @@ def _keep_peaks(selected, dsi, largest, plane, share):
                 selected[r, c] = near >= 0 and far < planes
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def _slopes(slopes, x, y, rotation, K, packet):
-    """Directions of the rays in the reference camera, x/z and y/z; NaN for those that look backward."""
-    for p in prange((len(x) + packet - 1) // packet):
-        R = rotation[p]
-        for k in range(p * packet, min((p + 1) * packet, len(x))):
-            a, b = (x[k] - K[0, 2]) / K[0, 0], (y[k] - K[1, 2]) / K[1, 1]
-            z = R[2, 0] * a + R[2, 1] * b + R[2, 2]
-            if z < 0.1:
-                z = np.nan
-            slopes[k, 0] = (R[0, 0] * a + R[0, 1] * b + R[0, 2]) / z
-            slopes[k, 1] = (R[1, 0] * a + R[1, 1] * b + R[1, 2]) / z
-
-
-@njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"}, error_model="numpy")
-def _vote(dsi, slopes, centre, K, inverse_depth, packet):
-    """With camera centre C and slope s, a ray crosses depth Z at X/Z = C_xy / Z + (1 - C_z / Z) s."""
-    height, width = dsi.shape[1:]
-    right, bottom = np.float32(width - 1), np.float32(height - 1)
-    for i in prange(len(inverse_depth)):
-        plane = dsi[i]
-        for p in range(len(centre)):
-            share = 1 - centre[p, 2] * inverse_depth[i]
-            if share <= 0.05:
-                continue  # the plane is behind this camera, or almost
-            fu, fv = np.float32(K[0, 0] * share), np.float32(K[1, 1] * share)
-            cu = np.float32(K[0, 0] * centre[p, 0] * inverse_depth[i] + K[0, 2])
-            cv = np.float32(K[1, 1] * centre[p, 1] * inverse_depth[i] + K[1, 2])
-            for k in range(p * packet, min((p + 1) * packet, len(slopes))):
-                u, v = fu * slopes[k, 0] + cu, fv * slopes[k, 1] + cv
-                if u >= 0 and v >= 0 and u < right and v < bottom:
-                    c, r = np.int32(u), np.int32(v)
-                    a, b = u - c, v - r
-                    top, low = plane[r], plane[r + 1]
-                    top[c] += (1 - a) * (1 - b)
-                    top[c + 1] += a * (1 - b)
-                    low[c] += (1 - a) * b
-                    low[c + 1] += a * b
-
-
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _maximum(dsi):
     """Largest count of each pixel and its plane, to a fraction by the parabola through its neighbours."""
     planes, height, width = dsi.shape
     best, at = np.zeros((height, width), np.float32), np.zeros((height, width))
-    for r in prange(height):
+    for r in range(height):
         which = np.zeros(width, np.int64)
         for i in range(planes):
             for c in range(width):
@@ -166,12 +96,12 @@ def _maximum(dsi):
     return best, at
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _median(values, radius):
     """Median of the positive values around each positive one."""
     height, width = values.shape
     out = np.zeros_like(values)
-    for r in prange(height):
+    for r in range(height):
         around = np.empty((2 * radius + 1) ** 2)
         for c in range(width):
             if values[r, c] <= 0:
@@ -186,12 +116,12 @@ def _median(values, radius):
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _clean(inverse, radius, neighbours, ratio):
     """Without points that have fewer than ``neighbours`` of like depth within ``radius`` pixels."""
     height, width = inverse.shape
     out = np.zeros_like(inverse)
-    for r in prange(height):
+    for r in range(height):
         for c in range(width):
             if inverse[r, c] <= 0:
                 continue

@@ -1,4 +1,4 @@
-"""EVO: tracking and mapping by turns, with keyframes and a start from a fronto-parallel plane.
+"""EVO: tracking and mapping in two threads, with keyframes and a start from a fronto-parallel plane.
 
 The map's frame ("world") is the camera's at the start of a track, and its unit of length is the depth of the
 plane that the first map is laid on: the scale is arbitrary.
@@ -20,7 +20,9 @@ from lmmap.types import Camera, Trajectory
 from . import bootstrap, mapping, tracking
 from .constants import Constants
 from .event_frames import event_frame
-from .track import Keyframe, Track, interpolate, orthonormal
+from .mapper import Mapper, Stretch, make_keyframe
+from .stopwatch import Stopwatch
+from .track import Keyframe, Track, orthonormal
 
 TRANSLATION, ALL = 3, 6  # components of a pose that are estimated
 
@@ -33,8 +35,8 @@ class Odometry:
             raise ValueError("camera: expected no lens distortion, got some; undistort the events")
         self.camera, self.constants = camera, constants or Constants()
         self.K, self.size_px = camera.K, camera.size_px
-        self.cpu_s = {"bootstrap": 0.0, "tracking": 0.0, "mapping": 0.0}  # of all threads
-        self.frames_tracked = 0  # after bootstraps: `events_per_step` new events each
+        self.times = Stopwatch()
+        self._mapper = Mapper(self.K, self.size_px, self.constants)
 
     def run(self, events, first_depth: np.ndarray | None = None) -> list[Track]:
         """Tracks of events (N,) EVENT in the order of time.
@@ -55,48 +57,49 @@ class Odometry:
 
         The sweep begins within the baseline of ``mean_depth``; None if it gives too few points.
         """
-        self._take(events)
         c, track = self.constants, Track()
         track.event = list(range(c.events_per_frame // 2, len(events), c.events_per_step))
-        track.t_us = self._t_us[track.event].tolist()
-        poses = T_cam_world.at(self._t_us[track.event])
+        track.t_us = events["t_us"][track.event].tolist()
+        poses = T_cam_world.at(events["t_us"][track.event])
         track.rotation, track.position = list(poses.rotation), list(poses.position_m)
-        self._points = (np.array([[0, 0, mean_depth]]) - poses.position_m[-1]) @ poses.rotation[-1]
-        return track.keyframes[-1] if self._map(track) else None
+        points = (np.array([[0, 0, mean_depth]]) - poses.position_m[-1]) @ poses.rotation[-1]
+        stretch = Stretch(events["x"], events["y"], track, points)
+        return make_keyframe(stretch, self.K, self.size_px, c)
 
     def _take(self, events) -> None:
         self._t_us, self._x, self._y = (np.ascontiguousarray(events[name]) for name in ("t_us", "x", "y"))
 
     def _follow(self, start: int, first_depth) -> tuple[Track, int]:
         """Bootstrap at an event and track until lost or out of events; the track, and where it ended."""
-        c, track = self.constants, Track()
+        c, track, times = self.constants, Track(), self.times
+        began_s = time.thread_time()
         self._bootstrap(start, first_depth)
+        times.track(time.thread_time() - began_s, True)
         stop = first_stop = start + (c.bootstrap_events + c.events_per_frame) // 2
         while stop < len(self._t_us):
-            began_s = time.process_time()
+            began_s, frame_began_s = time.thread_time(), time.perf_counter()
             self._track(track, stop)
-            self._count("tracking", began_s)
-            self.frames_tracked += not self._rounds
             if self._lost_frames >= c.lost_frames or not np.isfinite(track.position[-1]).all():
+                self._mapper.drop()
                 track.lost = True
                 return track, stop
+            times.track(time.thread_time() - began_s, self._rounds > 0)
             self._waits -= self._waits > 0
-            if not self._lost_frames and not self._waits and self._wants_keyframe(track):
-                began_s = time.process_time()
-                made = self._map(track)
-                self._waits = 0 if made else c.map_retry_frames
-                self._count("mapping", began_s)
-                if made and self._rounds:
-                    self._rounds -= 1
-                    if self._rounds:
-                        self._return_to_start(track)
-                        stop = first_stop
-                        continue
+            if self._wants_map(track):
+                self._begin_map(track)
+            due = self._mapper.busy and len(track.t_us) >= self._map_due
+            if due and self._take_map(track) and self._rounds:
+                self._rounds -= 1
+                if self._rounds:
+                    self._return_to_start(track)
+                    stop = first_stop
+                    continue
+            if not self._rounds:
+                times.wall_s += time.perf_counter() - frame_began_s
             stop += c.events_per_step
+        if self._mapper.busy:
+            self._take_map(track)
         return track, len(self._t_us)
-
-    def _count(self, step: str, began_s: float) -> None:
-        self.cpu_s["bootstrap" if self._rounds else step] += time.process_time() - began_s
 
     def _bootstrap(self, start: int, first_depth) -> None:
         """The first map: events of a short time, laid on a plane (EVO)."""
@@ -159,9 +162,11 @@ class Odometry:
         turn = np.array([0, 0, 0, D[2, 1], D[0, 2], D[1, 0]])
         return tracking.exponential(turn)[0] @ R, t + share * (t - track.position[-3])
 
-    def _wants_keyframe(self, track: Track) -> bool:
-        """Has the camera moved far enough from the last keyframe, or left its map behind?"""
+    def _wants_map(self, track: Track) -> bool:
+        """Is there no map under way, and has the camera moved far enough from the last, or left it behind?"""
         c = self.constants
+        if self._lost_frames or self._waits or self._mapper.busy:
+            return False
         centre = -track.rotation[-1].T @ track.position[-1]
         distance = np.linalg.norm(centre - self._centre) / self._keyframe_depth
         if self._reference is not None and self._reference.visible < c.keyframe_overlap:
@@ -169,41 +174,27 @@ class Odometry:
         share = 1 - self._rounds / c.bootstrap_rounds
         return distance > c.bootstrap_distance + share * (c.keyframe_distance - c.bootstrap_distance)
 
-    def _map(self, track: Track) -> bool:
-        """A space sweep over the last events, seen from the present pose; its points join the map."""
-        c, R, t = self.constants, track.rotation[-1], track.position[-1]
-        z = self._points @ R[2] + t[2]
-        mean_depth = float(np.median(z[z > 0])) if (z > 0).any() else 1.0
-        start, stop = self._swept_events(track, c.map_baseline * mean_depth)
-        if stop - start < 20 * c.packet_events:
+    def _begin_map(self, track: Track) -> None:
+        """Begin a map of the last events, seen from the present pose.  The start waits for its maps."""
+        c = self.constants
+        self._map_due = len(track.t_us) + (0 if self._rounds else c.map_frames)
+        last = track.last(c.map_events // c.events_per_step + 2)
+        self._mapper.begin(Stretch(self._x, self._y, last, self._points))
+        self.times.begin_map()
+
+    def _take_map(self, track: Track) -> bool:
+        """Take over the map that is due; was it one?  Its points join the map."""
+        c = self.constants
+        keyframe, seconds = self._mapper.take()
+        self.times.take_map(seconds, self._rounds > 0)
+        if keyframe is None:
+            self._waits = c.map_retry_frames
             return False
-        middles = np.arange(start + c.packet_events // 2, stop, c.packet_events)
-        R_cam, t_cam = interpolate(middles, track)
-        R_ref_cam = R @ np.swapaxes(R_cam, -1, -2)
-        t_ref_cam = t - np.einsum("nij,nj->ni", R_ref_cam, t_cam)
-        planes = mapping.inverse_depths(c.nearest_plane * mean_depth, c.farthest_plane * mean_depth, c.planes)
-        dsi = mapping.space_sweep(self._x[start:stop], self._y[start:stop], R_ref_cam, t_ref_cam, self.K,
-                                  self.size_px, planes, c.packet_events)  # fmt: skip
-        depth = mapping.extract(dsi, planes, c)
-        seen = depth.points(self.K)
-        if len(seen) < c.map_points:
-            return False
-        mean_depth = float(np.median(seen[:, 2]))
-        keyframe = Keyframe(track.t_us[-1], R, t, mapping.clean(depth, c), (seen - t) @ R, mean_depth)
         track.keyframes.append(keyframe)
-        self._centre, self._keyframe_depth = -R.T @ t, keyframe.mean_depth
+        self._centre, self._keyframe_depth = -keyframe.rotation.T @ keyframe.position, keyframe.mean_depth
         local = c.local_keyframes if len(track.keyframes) > c.bootstrap_maps else 1
         self._points = np.concatenate([k.points for k in track.keyframes[-local:]])
         self._reference, self._free = None, ALL
         if len(track.keyframes) >= c.bootstrap_maps and track.ready_us is None:
             track.ready_us = track.t_us[-1]
         return True
-
-    def _swept_events(self, track: Track, baseline: float) -> tuple[int, int]:
-        """First event and end of whole packets, seen from within ``baseline`` of the present pose."""
-        c = self.constants
-        centres = -np.einsum("nji,nj->ni", np.array(track.rotation), np.array(track.position))
-        far = np.flatnonzero(np.linalg.norm(centres - centres[-1], axis=1) > baseline)
-        stop = track.event[-1]
-        count = min(stop - track.event[far[-1] + 1 if len(far) else 0], c.map_events)
-        return stop - count // c.packet_events * c.packet_events, stop

@@ -39,6 +39,11 @@ class Track:
     ready_us: int | None = None  # when the bootstrap was over
     lost: bool = False
 
+    def last(self, count: int) -> Track:
+        """The last poses as a track of their own, without keyframes."""
+        parts = (values[-count:] for values in (self.t_us, self.rotation, self.position, self.event))
+        return Track(*parts)
+
     def trajectory(self) -> Trajectory:
         """Poses from the end of the bootstrap on."""
         since = len(self.t_us) if self.ready_us is None else int(np.searchsorted(self.t_us, self.ready_us))

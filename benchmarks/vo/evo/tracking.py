@@ -34,7 +34,7 @@ class Reference:
     mean_depth: float
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def exponential(xi):
     """Rotation (3, 3) and translation (3,) of a twist (translation, rotation)."""
     v, w = xi[:3].copy(), xi[3:].copy()
@@ -106,7 +106,7 @@ def align(image, reference: Reference, rotation, position, K, constants: Constan
                     c.damping)  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _iterate(image, points, brightness, J, H, R, t, K, depth, free, iterations, smallest_step, damping):
     """Lucas-Kanade's iterations; translation is solved for in units of the depth.
 
@@ -136,7 +136,7 @@ def _iterate(image, points, brightness, J, H, R, t, K, depth, free, iterations, 
     return R, t, similarity, shift_px
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _splat(mask, inverse, camera, K):
     """Draw points as single pixels, the nearest in front; returns how many are inside."""
     inside = 0
@@ -152,7 +152,7 @@ def _splat(mask, inverse, camera, K):
     return inside
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _warp(warped, kept, image, points, brightness, R, t, K):
     """Event frame at the warped pixels, the map's brightness there (both 0 outside), and the mean motion."""
     height, width = image.shape
