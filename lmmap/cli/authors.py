@@ -22,7 +22,7 @@ from ..recordings.formats import open_stream
 from ..rig import authors_bags, calibration, checkerboard, standin, tf
 from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
 from ..studies import bag_estimates, on_authors_bags, pose_errors
-from ..training.recipe import Recipe
+from ..training.recipe import FAST, Recipe
 from ..types import Camera, InputError, Port
 from .inputs import input_files
 
@@ -168,6 +168,7 @@ def train(a) -> None:
     from ..training import train  # torch's optimisers take a second to import
 
     chosen = {"steps": a.steps or 2000, "start_from": a.start_from or "", "restart": a.restart or ()}
+    chosen |= {} if a.start_from else {"rate": FAST}
     gaps = [a.domain_gap] if a.domain_gap else pose_errors.DOMAIN_GAPS
     names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
     for gap in gaps:

@@ -25,9 +25,7 @@ def add_studies(commands: Commands) -> None:
     command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="training sequences (default: all)")
     command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
-    command.add_argument(
-        "--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: low for robust, else none)"
-    )
+    command.add_argument("--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: none)")
     command.add_argument(
         "--restart", type=int, nargs="+", metavar="STEP", help="steps at which the learning rate starts anew"
     )

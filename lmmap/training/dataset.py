@@ -14,7 +14,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ..bench import labels, sequences
+from ..bench import labels, sequences, varied
 from ..bench.renderer import ray_grid
 from ..files import atomic
 from ..pipeline.histograms import concatenate_events
@@ -24,15 +24,17 @@ from ..recordings.stream import Stream
 from ..settings import PAPER
 from ..types import EVENT, Port, Recording
 
-AUGMENTED, REALISTIC = 240, 120  # numbers of sequences
+AUGMENTED, REALISTIC, VARIED = 240, 120, 400  # numbers of sequences
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5
+VARIED_SAMPLES = 4  # of a varied sequence, which is shorter
 EXCERPT_EVERY_S = 4.0  # one excerpt of a long recording in this time, as neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
 BENCH = source_files("bench.sequences", "bench.labels")
+VARIED_BENCH = source_files("bench.varied", "bench.labels")
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
-SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL}
+SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL + [f"varied-{i}" for i in range(VARIED)]}
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:
@@ -146,10 +148,13 @@ def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = ""
 def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SECONDS,
                           count: int = SAMPLES) -> Path:  # fmt: skip
     """Simulate a sequence and write its samples into ``folder/NAME``, unless they are there."""
-    if not (folder / name).is_dir():
-        recording = sequences.simulate(name, seconds)
-        write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))
-    return folder / name
+    if (folder / name).is_dir():
+        return folder / name
+    if varied.NAME.fullmatch(name):
+        samples = sample_recording(varied.record_varied(name), min(count, VARIED_SAMPLES))
+        return write_samples(folder / name, samples, fingerprint(patterns=VARIED_BENCH))
+    recording = sequences.simulate(name, seconds)
+    return write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))
 
 
 def make_samples(
@@ -213,6 +218,5 @@ class Samples:
         return float(np.mean([self.mask(i).mean() for i in range(0, len(self), max(len(self) // 100, 1))]))
 
     def made_of(self) -> str:
-        """Fingerprint of the bench that made the samples, or ``"several"``."""
-        marks = {(self.folder / n / "made_of").read_text() for n in self.names}
-        return marks.pop()[:12] if len(marks) == 1 else "several"
+        """Fingerprints of what made the samples: the bench, the varied laboratories, or ``recordings``."""
+        return " ".join(sorted({(self.folder / n / "made_of").read_text()[:12] for n in self.names}))

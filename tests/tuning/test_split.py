@@ -14,12 +14,18 @@ import tune_fusion
 import validation_world
 import wrong_poses
 
-from lmmap.bench import photometry
+from lmmap.bench import photometry, varied
 from lmmap.bench.laboratory import sequence
 from lmmap.provenance import DATA, load_json
 from lmmap.settings import OURS
 from lmmap.studies import accuracy_run, between_images
 from lmmap.training import dataset
+
+
+def drawn_as(name):
+    """The laboratory's sequence whose motion a training sequence has."""
+    return varied.base_sequence(name).name if varied.NAME.fullmatch(name) else name
+
 
 TUNED_ON = {
     "tuning/tune_between.py": tune_between.SEQUENCES,
@@ -30,7 +36,7 @@ TUNED_ON = {
     "tuning/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
     "tuning/calibrate_confidence.py": wrong_poses.SEQUENCES,
     "lmmap photometry": photometry.TRAJECTORIES,
-    "filters": [name for names in dataset.SETS.values() for name in names],
+    "filters": [drawn_as(name) for names in dataset.SETS.values() for name in names],
 }
 FUSION = DATA / "results" / "fusion"
 
