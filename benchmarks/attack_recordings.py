@@ -1,12 +1,12 @@
 """Attack every command with damaged and hostile files, and count what it answers.
 
-    python benchmarks/attack_recordings.py [CASES] [SEED]
+    python benchmarks/attack_recordings.py [CASES] [SEED] [--formats NAMES] [--keep FOLDER]
 
 A case is a command on a file: a sound one with a structured mutation of its format, or a directed attack on
 one promise of it.  Each runs in a process of its own, forked from one that has imported everything, under
 limits of memory and time.  A sound answer is exit 0 or 1, at most two lines on stderr, no traceback, no
-signal, at most 1 GB above the idle process and at most 10 s of the processor.  Prints a table of commands
-and formats, and each violation; ends with 1 if there is one.
+signal, at most 1 GB above the idle process and at most 10 s of the processor.  Prints each violation, and a
+table of commands and formats, also when it is interrupted; ends with 1 if there is a violation.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from attack_sound import sound_files
 
 from lmmap.cli import main as command
 
-MOST_BYTES, HARD_BYTES, MOST_S, WALL_S = 2**30, 3 * 2**30, 10.0, 90.0
+MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, WALL_S = 2**30, 3 * 2**30, 10.0, 20, 600.0
 
 
 class Case(NamedTuple):
@@ -84,6 +84,7 @@ def answer(argv: list[str]) -> Answer:
                 size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
                 resource.setrlimit(resource.RLIMIT_AS, (size + HARD_BYTES, size + HARD_BYTES))
                 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+                resource.setrlimit(resource.RLIMIT_CPU, (HARD_S, HARD_S))
                 code = command.main(argv)
             except SystemExit as stop:
                 code = stop.code if isinstance(stop.code, int) else 1
@@ -97,9 +98,13 @@ def answer(argv: list[str]) -> Answer:
         ended = os.pidfd_open(child)
         poll = select.poll()
         poll.register(ended, select.POLLIN)
-        if not poll.poll(WALL_S * 1000):
-            os.killpg(child, signal.SIGKILL)
-        os.close(ended)
+        over = False
+        try:
+            over = bool(poll.poll(WALL_S * 1000))
+        finally:
+            if not over:
+                os.killpg(child, signal.SIGKILL)
+            os.close(ended)
         _, status, used = os.wait4(child, 0)
         err.seek(0)
         text = err.read().decode(errors="replace")
@@ -155,8 +160,11 @@ def commands(path: Path, kind: str, folder: Path, sound: dict[str, Path]) -> dic
     return every
 
 
-def cases(count: int, seed: int, folder: Path, directed: bool = True):
-    """Yield the directed attacks and then mutated files, up to ``count``; each is written for its case."""
+def cases(count: int, seed: int, folder: Path, directed: bool = True, formats: tuple[str, ...] = ()):
+    """Yield the directed attacks and then mutated files, up to ``count``; each is written for its case.
+
+    ``formats`` are those to mutate, all by default.
+    """
     rng = np.random.default_rng(seed)
     for name in ("sound", "directed", "mutated"):
         (folder / name).mkdir()
@@ -168,7 +176,7 @@ def cases(count: int, seed: int, folder: Path, directed: bool = True):
             if which != "dataset" and yielded < count:
                 yielded += 1
                 yield Case(which, kind, f"directed: {name}", argv)
-    kinds = sorted(sound)
+    kinds = sorted(formats or sound)
     while yielded < count:
         kind = kinds[rng.integers(len(kinds))]
         path = sound[kind]
@@ -198,20 +206,27 @@ def _mutate(kind: str, path: Path, folder: Path, sound: dict[str, Path], rng) ->
 
 
 def attack(
-    count: int, seed: int, report=print, directed: bool = True
-) -> tuple[collections.Counter, list[tuple[Case, Answer]]]:
-    """Run so many cases; counts by command, format and exit code, and those whose answer is a violation."""
-    tally, violations = collections.Counter(), []
-    with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:  # what was counted is printed
-        for case in cases(count, seed, Path(folder), directed):
+    count: int,
+    seed: int,
+    report=print,
+    directed: bool = True,
+    formats: tuple[str, ...] = (),
+    keep: Path | None = None,
+) -> list[tuple[Case, Answer]]:
+    """Run so many cases; each with its answer.  The files of violations are kept in a folder ``keep``."""
+    answered = []
+    with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:  # what was answered is printed
+        for case in cases(count, seed, Path(folder), directed, formats):
             result = answer(case.argv)
-            tally[case.command, case.format, result.code if not result.violation else "violation"] += 1
+            answered.append((case, result))
             if result.violation:
-                violations.append((case, result))
                 report(
                     f"VIOLATION {case.command} {case.format} [{case.attack}]: {result.violation}", flush=True
                 )
-    return tally, violations
+                if keep and not case.attack.startswith("directed"):
+                    shutil.copytree(Path(folder) / "mutated", keep / str(len(answered)))
+                    (keep / str(len(answered)) / "argv").write_text("\n".join((*case.argv, result.err)))
+    return answered
 
 
 def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
@@ -237,15 +252,19 @@ def digests(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def print_table(tally: collections.Counter) -> None:
-    """Cases, exits and violations of each command and format."""
-    print(f"{'command':14}{'format':16}{'cases':>7}{'exit 0':>8}{'exit 1':>8}{'violations':>12}")
-    rows = sorted({key[:2] for key in tally})
-    for row in rows:
-        counts = [tally[*row, code] for code in (0, 1, "violation")]
-        print(f"{row[0]:14}{row[1]:16}{sum(counts):7d}{counts[0]:8d}{counts[1]:8d}{counts[2]:12d}")
-    totals = [sum(n for key, n in tally.items() if key[2] == code) for code in (0, 1, "violation")]
-    print(f"{'all':30}{sum(totals):7d}{totals[0]:8d}{totals[1]:8d}{totals[2]:12d}")
+def print_table(answered: list[tuple[Case, Answer]]) -> None:
+    """Cases, exits, violations, most memory and longest time of each command and format, and of all."""
+    groups = collections.defaultdict(list)
+    for case, result in answered:
+        for row in ((case.command, case.format), (case.command, ""), ("all", "")):
+            groups[row].append(result)
+    print("command,format,cases,exit_0,exit_1,violations,most_mb,longest_s")
+    for row in sorted(groups):
+        results = groups[row]
+        codes = [None if r.violation else r.code for r in results]
+        most_mb = max(r.bytes for r in results) / 2**20
+        print(*row, len(codes), *map(codes.count, (0, 1, None)), f"{most_mb:.0f}",
+              f"{max(r.seconds for r in results):.1f}", sep=",")  # fmt: skip
 
 
 def warm_up() -> None:
@@ -262,6 +281,8 @@ if __name__ == "__main__":
     parser.add_argument("count", type=int, nargs="?", default=10_000)
     parser.add_argument("seed", type=int, nargs="?", default=0)
     parser.add_argument("--mutations-only", action="store_true", help="without the directed attacks")
+    parser.add_argument("--formats", default="", help="mutate only these, such as .bag,CD.h5")
+    parser.add_argument("--keep", type=Path, help="a folder for the files whose answers are violations")
     parser.add_argument("--sound-in", type=Path, help="run each command on sound files here instead")
     arguments = parser.parse_args()
     began = time.monotonic()
@@ -270,7 +291,16 @@ if __name__ == "__main__":
         problems = changed_inputs(arguments.sound_in)
         print(*problems, sep="\n", end="", file=sys.stderr)
         sys.exit(bool(problems))
-    counts, wrong = attack(arguments.count, arguments.seed, directed=not arguments.mutations_only)
-    print_table(counts)
-    print(json.dumps({"minutes": round((time.monotonic() - began) / 60, 1), "violations": len(wrong)}))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the table is printed then too
+    formats = tuple(filter(None, arguments.formats.split(",")))
+    answered = attack(
+        arguments.count,
+        arguments.seed,
+        directed=not arguments.mutations_only,
+        formats=formats,
+        keep=arguments.keep,
+    )
+    wrong = sum(bool(result.violation) for _, result in answered)
+    print_table(answered)
+    print(json.dumps({"minutes": round((time.monotonic() - began) / 60, 1), "violations": wrong}))
     sys.exit(bool(wrong))

@@ -71,6 +71,8 @@ def read_yaml(text: str):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent):
                 raise ValueError("it refers to its own parts")
+            if getattr(event, "tag", None):  # what its parser makes of one may be no number or text
+                raise ValueError(f"it has the tag {_shown(event.tag)}")
             if depth > MAX_DEPTH:
                 raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
         return yaml.safe_load(text)
@@ -154,7 +156,7 @@ def _yaml_camera(text: str) -> dict:
     if "cam0" in document:
         return _kalibr_camera(_mapping(document["cam0"], "cam0"))
     model = document.get("distortion_model", "plumb_bob")
-    if model not in ROS_MODELS:
+    if not isinstance(model, str) or model not in ROS_MODELS:
         raise ValueError(f"distortion model {_shown(model)} is none of {', '.join(ROS_MODELS)}")
     model = ROS_MODELS[model]
     k = _data(document, "camera_matrix")

@@ -30,6 +30,7 @@ from . import (
 )
 from .bounded_bag2 import METADATA
 from .health import health
+from .limits import check_times
 from .pose_files import (
     read_estimates,
     read_trajectory,
@@ -38,7 +39,7 @@ from .pose_files import (
     write_estimates,
     write_trajectory,
 )
-from .stream import Source, Stream, checked_events, checked_frames
+from .stream import Source, Stream, checked_events, checked_frames, input_errors
 
 __all__ = [
     "FORMATS",
@@ -84,6 +85,10 @@ def open_stream(
     if fps is not None and kind != "folder":
         raise InputError(f"{path}: --fps {fps:g} is for a folder of pictures; leave it out")
     source = READERS[kind](path) if fps is None else pictures.read_numbered(path, fps)
+    if source.span_us:
+        with input_errors(path, "damaged", "copy it again"):
+            for t_us in source.span_us:
+                check_times(t_us)
     camera = _camera(path, source.size_px, camera)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None

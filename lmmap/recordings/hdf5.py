@@ -13,7 +13,7 @@ from ..pipeline.histograms import from_columns
 from ..types import Recording
 from . import prophesee
 from .hdf5_datasets import open_dataset, rows_at_once
-from .limits import MAX_CHUNK_BYTES, MAX_TIME_US, check_image
+from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, input_errors, pieces
 
 
@@ -66,7 +66,7 @@ def _offset_us(file: h5py.File) -> int:
 def _dsec(path: Path) -> Iterator[np.ndarray]:
     with _file_errors(path), h5py.File(path, "r") as file:
         offset_us, columns = _offset_us(file), _columns(file)
-        step = max(rows_at_once(c, CHUNK) for c in columns)
+        step = rows_at_once(CHUNK, *columns)
         for i in range(0, len(columns[0]), step):
             yield from pieces(from_columns(*(c[i : i + step] for c in columns), offset_us=offset_us), CHUNK)
 
@@ -76,7 +76,7 @@ def _mvsec(path: Path) -> Iterator[np.ndarray]:
         rows = open_dataset(file, "davis/left/events", 2)
         if rows.shape[1] != 4:
             raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
-        step = rows_at_once(rows, CHUNK)
+        step = rows_at_once(CHUNK, rows)
         for i in range(0, len(rows), step):
             x, y, t, p = rows[i : i + step].T
             yield from pieces(from_columns(t, x, y, p, seconds=True), CHUNK)
@@ -99,7 +99,7 @@ def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[i
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        step = min(rows_at_once(pixels, 1), max(1, MAX_CHUNK_BYTES // (pixels[:1].nbytes)))
+        step = rows_at_once(1, pixels)
         for i in range(0, len(pixels), step):
             for frame_us, image in zip(_times_us(t[i : i + step]), pixels[i : i + step], strict=True):
                 yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image

@@ -18,12 +18,15 @@ from .limits import MAX_CHUNK_BYTES
 
 GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC = 1, 2, 3, 32_000, hdf5plugin.BLOSC_ID
 FILTERS = {GZIP, SHUFFLE, FLETCHER32, LZF, BLOSC}  # others crash on damaged chunks: SZ and Bitshuffle did
+ECF = 0x8ECF  # of Prophesee's software
 _checked: dict[tuple, None] = {}  # the datasets of files whose chunks have been checked
 DEFLATE_RATIO = 1032  # the most that zlib inflates a byte to
 
 
-def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
-    """A dataset of numbers or of records of them, of one of ``ndims`` dimensions, which this file holds.
+def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -> h5py.Dataset:
+    """A dataset of numbers, of one of ``ndims`` dimensions, which this file holds.
+
+    With ``columns``, a letter each, it is one of records that have numbers of these names.
 
     Raises
     ------
@@ -33,8 +36,11 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
         If there is none of this name.
     """
     dataset = group[name]
-    if not isinstance(dataset, h5py.Dataset) or not _holds_numbers(dataset.dtype):
-        raise ValueError(f"{name} does not hold numbers")
+    if not isinstance(dataset, h5py.Dataset):
+        raise ValueError(f"{name} is no data set")
+    if not _holds_numbers(dataset.dtype, columns):
+        expected = f"records of {', '.join(columns)}" if columns else "numbers"
+        raise ValueError(f"{name} does not hold {expected}")
     if dataset.ndim not in ndims:
         raise ValueError(f"{name} of shape {dataset.shape}")
     layout = dataset.id.get_create_plist()
@@ -42,7 +48,8 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
         raise ValueError(f"{name} lies in another file")
     filters = [layout.get_filter(k)[0] for k in range(layout.get_nfilters())]
     if foreign := sorted(set(filters) - FILTERS):
-        raise ValueError(f"{name} is compressed by filter {foreign[0]}, expected gzip or Blosc")
+        kind = "Prophesee's ECF; export the recording as RAW" if ECF in foreign else f"filter {foreign[0]}"
+        raise ValueError(f"{name}: expected gzip or Blosc, but it is compressed by {kind}")
     if dataset.chunks is not None:
         facts = os.stat(dataset.file.filename)
         key = dataset.file.filename, facts.st_mtime_ns, facts.st_size, dataset.name
@@ -51,18 +58,25 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int) -> h5py.Dataset:
             _checked[key] = None
             while len(_checked) > 100:
                 del _checked[next(iter(_checked))]
-    elif layout.get_layout() == h5py.h5d.CONTIGUOUS and dataset.id.get_storage_size() != dataset.nbytes:
-        raise ValueError(f"{name} was never written")
+    elif layout.get_layout() == h5py.h5d.CONTIGUOUS:
+        end = (dataset.id.get_offset() or 0) + dataset.nbytes
+        if dataset.id.get_storage_size() != dataset.nbytes or end > os.path.getsize(dataset.file.filename):
+            raise ValueError(f"{name} was never written")
     return dataset
 
 
-def _holds_numbers(kind: np.dtype) -> bool:
-    return all(kind[name].kind in "iufb" for name in kind.names) if kind.names else kind.kind in "iufb"
+def _holds_numbers(kind: np.dtype, columns: str) -> bool:
+    if not columns:
+        return kind.kind in "iufb"
+    return {*columns} <= {*(kind.names or ())} and all(kind[name].kind in "iufb" for name in kind.names)
 
 
-def rows_at_once(dataset: h5py.Dataset, least: int) -> int:
-    """How many rows to read at a time: a chunk that holds more than ``least`` is inflated once."""
-    return max(least, dataset.chunks[0]) if dataset.chunks else least
+def rows_at_once(least: int, *datasets: h5py.Dataset) -> int:
+    """How many rows of datasets to read at a time: chunks of more than ``least`` are inflated once, but no
+    more than `MAX_CHUNK_BYTES` are read."""
+    row_bytes = sum(d.dtype.itemsize * math.prod(d.shape[1:]) for d in datasets)
+    wanted = max(least, *(d.chunks[0] for d in datasets if d.chunks), 1)
+    return max(1, min(wanted, MAX_CHUNK_BYTES // max(row_bytes, 1)))
 
 
 def _check_chunks(dataset: h5py.Dataset, filters: list[int]) -> None:

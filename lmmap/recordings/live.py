@@ -44,7 +44,7 @@ class Played:
         self._clock, self._start_s, self._first_us = clock, None, None
         self._sources = {"event": stream.chunks(), "rgb": stream.timed_frames()}
         self._held = None  # what is not due yet
-        self._over = False
+        self._over = self._warned = False
 
     def now_us(self) -> int:
         """Time of the recording now."""
@@ -76,10 +76,14 @@ class Played:
             self._held = None
 
     def _keep_time(self, next_us: int) -> None:
-        """Start the clock at the first data, and anew behind a gap that nobody wants to wait for."""
+        """Start the clock at the first data, and anew behind a gap that nobody wants to wait for.
+
+        A warning names the first gap.
+        """
         if self._start_s is not None and next_us - self.now_us() <= LONGEST_GAP_S * 1e6:
             return
-        if self._start_s is not None:
+        if self._start_s is not None and not self._warned:
+            self._warned = True
             gap_s = (next_us - self.now_us()) * 1e-6
             warnings.warn(f"live: nothing for {gap_s:.0f} s of the recording; passed over", stacklevel=4)
         self._start_s, self._first_us = self._clock(), next_us

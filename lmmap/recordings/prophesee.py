@@ -20,7 +20,6 @@ PIECE = 1 << 18  # bytes decoded at once
 MAX_HEADER = 1 << 16  # bytes; real headers have a few hundred
 DECODERS = {"EVT2": Evt2, "EVT21": Evt21, "EVT3": Evt3}
 HDF5_EVENTS = "CD/events"
-ECF = 0x8ECF  # number of the compression that Prophesee's software writes
 DAT_TYPES = (0x00, 0x0C)  # generic events, contrast detection
 
 
@@ -120,7 +119,7 @@ def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
 def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:
     """Chunks of events of the data set ``CD/events``; ValueError where it cannot be read."""
     rows = _rows(file)
-    step = rows_at_once(rows, CHUNK)
+    step = rows_at_once(CHUNK, rows)
     for i in range(0, len(rows), step):
         e = rows[i : i + step]
         yield from pieces(from_columns(*(e[name] for name in "txyp")), CHUNK)
@@ -138,13 +137,7 @@ def hdf5_size_px(file: h5py.File) -> tuple[int, int] | None:
 
 
 def _rows(file: h5py.File) -> h5py.Dataset:
-    layout = file[HDF5_EVENTS].id.get_create_plist()
-    if ECF in (layout.get_filter(k)[0] for k in range(layout.get_nfilters())):
-        raise ValueError("compressed by Prophesee's ECF, which is not read here: export the recording as RAW")
-    rows = open_dataset(file, HDF5_EVENTS, 1)
-    if not {*"txyp"} <= set(rows.dtype.names or ()):
-        raise ValueError(f"CD/events of type {rows.dtype}, expected fields t, x, y, p")
-    return rows
+    return open_dataset(file, HDF5_EVENTS, 1, columns="txyp")
 
 
 def _file_errors(path: Path):

@@ -64,7 +64,7 @@ def read(path: Path) -> Source:
             size_px = _size_px(raw)
         else:
             size_px = rosbag.rgb(bag.deserialize(raw, connection.msgtype)).shape[1::-1]
-        span_us = bag.start_time // 1000, bag.end_time // 1000
+        span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
     return Source(path, size_px, partial(_chunks, path, size_px), partial(_frames, path), span_us)
 
 

@@ -1,6 +1,8 @@
 """Hostile recordings, cameras, ports and truths: one line, soon, in little memory; never a traceback."""
 
 import json
+import re
+import shutil
 import struct
 from pathlib import Path
 
@@ -10,15 +12,22 @@ import pytest
 from attack_directed import directed_files
 from attack_sound import CAMERA, sound_files
 
-from lmmap.recordings import bounded_bag, rosbag_writer, stream
+from lmmap.cli.progress import Bar
+from lmmap.recordings import bounded_bag, formats, rosbag_writer, stream
 from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
-from lmmap.recordings.limits import MAX_TIME_US
+from lmmap.recordings.hdf5_datasets import rows_at_once
+from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_TIME_US
 from lmmap.types import EVENT, Camera, InputError, Port
 
 
 @pytest.fixture(scope="module")
 def directed(tmp_path_factory):
     return directed_files(tmp_path_factory.mktemp("directed"))
+
+
+@pytest.fixture(scope="module")
+def ros2_bag(tmp_path_factory):
+    return sound_files(tmp_path_factory.mktemp("sound"), np.random.default_rng(0))["ros2"]
 
 
 SUFFIXES = (".aedat4", ".bag", ".h5", ".txt", ".avi", ".mcap", ".db3", ".raw", ".dat", ".csv", ".npy", ".png")
@@ -77,6 +86,79 @@ def test_links_to_other_files_are_not_followed(tmp_path):
         open_recording(tmp_path / "r.h5", CAMERA)
 
 
+RECORDS = np.zeros(5, [("a", "<i4")])
+
+
+@pytest.mark.parametrize(
+    "contents",
+    [
+        {"CD/events": None},  # a group
+        {"CD/events": np.dtype("<i4")},  # a type by itself
+        {"CD/events": h5py.SoftLink("/CD")},
+        {"CD/events": h5py.Empty("<i4")},
+        {"CD/events": np.zeros(5)},
+        {"CD/events": np.zeros(5, [("t", "S5"), ("x", "<u2"), ("y", "<u2"), ("p", "<i2")])},
+        *(
+            {f"events/{name}": np.dtype("<i4") if name == odd else np.ones(5) for name in "txyp"}
+            for odd in "tp"
+        ),
+        *({f"events/{name}": RECORDS if name == odd else np.ones(5) for name in "txyp"} for odd in "tp"),
+        {"t_offset": RECORDS[0], **{f"events/{name}": np.ones(5) for name in "txyp"}},
+        {"t_offset": np.float64(1e300), **{f"events/{name}": np.ones(5) for name in "txyp"}},
+        {"davis/left/events": np.zeros((5, 4), RECORDS.dtype)},
+        {"davis/left/image_raw": None},
+        {"davis/left": np.zeros(5)},
+    ],
+    ids=str,
+)
+def test_other_objects_where_hdf5_should_hold_events(tmp_path, contents):
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file.create_group("CD")
+        for name, value in contents.items():
+            file.require_group(name) if value is None else file.__setitem__(name, value)
+    with pytest.raises(InputError, match=r"r\.h5: [^\n]*;"):
+        open_recording(tmp_path / "r.h5", CAMERA)
+
+
+@pytest.mark.parametrize("chunks", [None, (10,), (10**6,)])
+def test_rows_are_read_within_a_chunks_bytes(tmp_path, chunks):
+    """However wide a record is, and however many rows of a narrow column a chunk holds."""
+    wide = np.dtype([(f"f{k}", "<f8") for k in range(1000)])
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        one = file.create_dataset("wide", (2 * 10**6,), wide, chunks=chunks and (10,))
+        other = file.create_dataset("narrow", (2 * 10**6,), "u1", chunks=chunks)
+        rows = rows_at_once(250_000, one, other)
+        assert rows >= 1 and rows * (wide.itemsize + 1) <= MAX_CHUNK_BYTES
+        assert rows_at_once(250_000, other) == max(250_000, *(chunks or (1,)))
+
+
+@pytest.mark.parametrize("span_us", [(0, 10**400), (-(10**30), 0), (0, MAX_TIME_US + 1)])
+def test_a_span_beyond_any_clock_is_refused(tmp_path, monkeypatch, span_us):
+    """Headers and descriptions state it; what the events say is checked elsewhere."""
+    path = tmp_path / "r.raw"
+    path.touch()
+    source = stream.Source(path, (64, 48), span_us=span_us)
+    monkeypatch.setitem(formats.READERS, ".raw", lambda _: source)
+    with pytest.raises(InputError, match=r"r\.raw: .*beyond any clock"):
+        open_stream(path, CAMERA)
+
+
+@pytest.mark.parametrize("key", ["nanoseconds", "nanoseconds_since_epoch", "message_count", "version"])
+@pytest.mark.parametrize("value", ["9" * 400, "-" + "9" * 400, "[]", "{}", ".nan", "text", "1e300"])
+def test_numbers_of_a_ros2_bags_description(ros2_bag, tmp_path, key, value):
+    bag = shutil.copytree(ros2_bag, tmp_path / "bag")
+    text = (bag / "metadata.yaml").read_text()
+    changed = re.sub(rf"\b{key}: .*", f"{key}: {value}", text)
+    assert changed != text
+    (bag / "metadata.yaml").write_text(changed)
+    try:
+        recording = open_stream(bag, CAMERA)
+        Bar(recording, "event").close()
+        health(recording)
+    except InputError as error:
+        assert "bag: " in str(error) and "\n" not in str(error)
+
+
 GOOD = json.loads(json.dumps(dict(width_px=64, height_px=48, fx_px=60.0, fy_px=60.0, cx_px=31.5, cy_px=23.5)))
 
 
@@ -104,6 +186,44 @@ def test_documents_that_are_no_cameras(tmp_path, text):
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match=rf"{name[0]}\.{name[2:]}: not a"):
             Camera.load(tmp_path / name)
+
+
+YAML = """image_width: 64
+image_height: 48
+camera_matrix: {data: [60, 0, 31.5, 0, 60, 23.5, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {data: [0.1, -0.2, 0.001, 0.002, 0.03]}
+"""
+KALIBR = """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.1, -0.2, 0.001, 0.002]
+  distortion_model: radtan
+  intrinsics: [60.0, 61.0, 31.5, 23.5]
+  resolution: [64, 48]
+"""
+VALUES = (
+    *("{}", "[]", "{{}: 1}", "{[1]: 2}", "? {a: 1}", "[[1, [2]]]", "*a", "&a [1]", "'", "\x85"),
+    *("null", "true", "9" * 400, "9" * 5000, ".nan", "-.inf", "0x", "1_000", "60:60"),
+    *("2001-99-99", "2001-01-01", "!!int ''", "!!float ''", "!!bool x", "!!timestamp x", "!!set {a}"),
+    *("!!binary a", "!!python/none 1", "!x y", "<<", "="),
+)
+
+
+@pytest.mark.parametrize("value", VALUES)
+@pytest.mark.parametrize("whole", [YAML, KALIBR], ids=["ros", "kalibr"])
+def test_any_value_anywhere_in_a_calibration(tmp_path, whole, value):
+    """It is read, or refused in one line: every value and every name of it replaced in turn."""
+    (tmp_path / "c.yaml").write_text(whole)
+    assert Camera.load(tmp_path / "c.yaml").size_px == (64, 48)
+    refused = 0
+    for place in re.finditer(r"[^\s:\[\]{},]+", whole):
+        (tmp_path / "c.yaml").write_text(whole[: place.start()] + value + whole[place.end() :])
+        try:
+            Camera.load(tmp_path / "c.yaml")
+        except InputError as error:
+            refused += 1
+            assert "c.yaml: " in str(error) and "\n" not in str(error) and len(str(error)) < 500
+    assert refused
 
 
 def test_yaml_that_expands_is_refused(tmp_path):

@@ -74,6 +74,18 @@ def test_the_newest_is_taken_and_the_rest_is_counted():
     assert (shot.image[0, 0, 0], shot.skipped, shot.t_us) == (3, 2, START_US + 300_000)
 
 
+def test_the_first_of_many_gaps_is_named():
+    """One note, however often the clock of a damaged recording jumps."""
+    e = np.zeros(6, EVENT)
+    e["t_us"] = START_US + 60_000_000 * np.arange(6)
+    source = Source(Path("r"), (64, 48), lambda: iter(np.split(e, 6)))
+    device = live.Played(Stream("r", CAMERA, source), Clock())
+    with pytest.warns(UserWarning, match="nothing for 60 s") as noted:
+        while device.running():
+            device.pending("event")
+    assert len(noted) == 1
+
+
 @pytest.mark.skipif(bool(live.dv.io.camera.discover()), reason="a camera is attached here")
 def test_no_camera_is_said():
     with pytest.raises(InputError, match="no camera found; attach one"):

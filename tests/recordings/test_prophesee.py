@@ -10,7 +10,7 @@ import pytest
 from foreign_files import dat, evt2, evt3, evt21
 
 from lmmap.cli import main
-from lmmap.recordings import prophesee
+from lmmap.recordings import hdf5_datasets, prophesee
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
 
@@ -172,7 +172,7 @@ def test_hdf5_in_prophesees_own_compression_names_the_remedy(tmp_path):
     with h5py.File(tmp_path / "e.hdf5", "w") as file:
         properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         properties.set_chunk((16,))
-        properties.set_filter(prophesee.ECF, h5py.h5z.FLAG_OPTIONAL)
+        properties.set_filter(hdf5_datasets.ECF, h5py.h5z.FLAG_OPTIONAL)
         kind = h5py.h5t.py_create(np.dtype([("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")]))
         h5py.h5d.create(
             file.create_group("CD").id, b"events", kind, h5py.h5s.create_simple((16,)), properties
