@@ -2,8 +2,10 @@
 
 evo_scenes.py [SCENE ...]
 
-Scenes that are named are run and printed, and the table stays as it is.  Speed is `two_cores_mev_per_s`, from
-processor times: measure it on a machine that does nothing else.
+Scenes that are named replace their own rows of the table, and the others stay; each row names the revision
+that made it.  Speed is ``two_cores_mev_per_s``: processor times of both threads of one run, and tracking's
+waits for maps, as if each thread had a core of its own.  ``wall_mev_per_s`` is what the clock on the wall
+said, beside all else that the machine did.  Both begin when the start is over.
 
 Errors are absolute, after one similarity: its scale and place are those of the first 40 poses at 20 Hz from
 the end of the bootstrap on, as in `lmmap.studies.metrics`.  The depth of a map's point is compared with the
@@ -12,6 +14,7 @@ nearest true surface within a pixel, for an edge between two surfaces belongs to
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 
@@ -20,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from lmmap.geometry.rotations import rotation_angle_rad
-from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, save_table
+from lmmap.provenance import DERIVED_DATA, ROOT, commit, fingerprint, load_table, save_table
 from lmmap.studies.metrics import umeyama
 from lmmap.studies.odometry import ALIGNED_POSES, FOLDER
 from lmmap.types import Camera, Pose, Trajectory
@@ -33,6 +36,7 @@ from vo.evo.odometry import Odometry
 from vo.evo.track import Track
 
 RATE_HZ = 20
+STARTS = ("fronto-parallel", "homography")
 CAMERA = Camera.davis346()
 
 
@@ -116,15 +120,17 @@ def row(scene: scenes.Scene, start: str) -> dict:
 
 
 def main(*names: str) -> None:
-    rows = []
-    chosen = names or [s.name for s in (*scenes.SCENES, *scenes.TURNING)]
-    jobs = [(scenes.scene(name), start) for name in chosen for start in ("fronto-parallel", "homography")]
-    for job in jobs:
-        rows.append(row(*job))
+    cv2.setNumThreads(1)  # its own threads' time would be counted nowhere
+    path, chosen = FOLDER / "evo-scenes.csv", names or [s.name for s in (*scenes.SCENES, *scenes.TURNING)]
+    before = load_table(path) if path.exists() else pd.DataFrame({"scene": []})
+    rows = before[~before.scene.isin(chosen)].to_dict("records")
+    for name, start in itertools.product(chosen, STARTS):
+        rows.append(row(scenes.scene(name), start) | {"commit": commit()})
         print("evo: " + ", ".join(f"{k} {v}" for k, v in rows[-1].items()), flush=True)
-    if not names:
-        path = save_table(FOLDER / "evo-scenes.csv", pd.DataFrame(rows), camera="DAVIS 346")
-        print(f"evo: {path.relative_to(ROOT)} written")
+    order = [s.name for s in (*scenes.SCENES, *scenes.TURNING)]
+    rows.sort(key=lambda r: (order.index(r["scene"]), STARTS.index(r["start"])))
+    save_table(path, pd.DataFrame(rows), camera="DAVIS 346")
+    print(f"evo: {path.relative_to(ROOT)} written")
 
 
 if __name__ == "__main__":

@@ -112,7 +112,8 @@ class Odometry:
         depth = mapping.DepthMap(np.where(image > 0.5, plane, 0.0), image)
         self._points = depth.points(self.K)
         self._free = ALL if np.ptp(plane) > 0 else TRANSLATION
-        self._rounds = c.bootstrap_rounds if first_depth is None else 0
+        self._from_plane = first_depth is None
+        self._rounds = c.bootstrap_rounds if self._from_plane else 0
         self._first_pose = np.eye(3), np.zeros(3)
         self._centre, self._keyframe_depth = np.zeros(3), float(np.median(self._points[:, 2]))
         self._reference, self._lost_frames, self._waits = None, 0, 0
@@ -175,9 +176,9 @@ class Odometry:
         return distance > c.bootstrap_distance + share * (c.keyframe_distance - c.bootstrap_distance)
 
     def _begin_map(self, track: Track) -> None:
-        """Begin a map of the last events, seen from the present pose.  The start waits for its maps."""
-        c = self.constants
-        self._map_due = len(track.t_us) + (0 if self._rounds else c.map_frames)
+        """Begin a map of the last events, seen from the present pose.  A start waits for its maps."""
+        c, starts = self.constants, self._from_plane and track.ready_us is None
+        self._map_due = len(track.t_us) + (0 if starts else c.map_frames)
         last = track.last(c.map_events // c.events_per_step + 2)
         self._mapper.begin(Stretch(self._x, self._y, last, self._points))
         self.times.begin_map()
