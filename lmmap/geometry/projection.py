@@ -32,10 +32,14 @@ def unproject(points_px, depth_m, camera: Camera) -> np.ndarray:
 
 def project(points_m, camera: Camera) -> np.ndarray:
     """Pixels of points in the camera frame, (..., 3) -> (..., 2); NaN behind the camera."""
-    x, y, z = np.moveaxis(np.asarray(points_m, float), -1, 0)
-    z = np.where(z > 0, z, np.nan)
-    x, y = np.moveaxis(distort(np.stack([x / z, y / z], -1), camera), -1, 0)
-    return np.stack([x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px], -1)
+    points = np.asarray(points_m, float)
+    z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+    x, y = points[..., 0] / z, points[..., 1] / z
+    if camera.distortion:
+        x, y = np.moveaxis(distort(np.stack([x, y], -1), camera), -1, 0)
+    pixels = np.empty((*z.shape, 2))
+    pixels[..., 0], pixels[..., 1] = x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
+    return pixels
 
 
 def distort(xy, camera: Camera) -> np.ndarray:

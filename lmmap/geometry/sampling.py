@@ -19,7 +19,7 @@ def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
 
 def sample(image, points_px) -> np.ndarray:
     """Bilinear values of an image (H, W) at points (..., N, 2), zero outside it and behind the camera."""
-    grid = np.nan_to_num(points_px, nan=-10).clip(-10, 30_000).astype(np.float32)
+    grid = np.fmin(np.fmax(points_px, -10), 30_000).astype(np.float32)  # of NaN and -10, -10
     grid = grid.reshape(-1, grid.shape[-2], 2)
     image = np.asarray(image, np.float32)
     return cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])

@@ -49,6 +49,7 @@ class Fusion:
         self._turns = equal_turns(yaw_period_rad)
         self._unknown_rad = yaw_period_rad / np.sqrt(12)
         self._statuses: dict[str, Status] = {}
+        self._matched: tuple = None, None, None  # a track, an estimate, and how they match
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
         """Take the estimates of one time, one of each camera that has an image then.
@@ -123,6 +124,11 @@ class Fusion:
     def _match(self, track: MotionState, e: Estimate):
         """Innovation (6,) and covariance (6, 6) of the estimate, or of its rival where only that keeps the
         gate; of a ring, of the nearer of its two poses; None beyond the gate."""
+        if self._matched[0] is not track or self._matched[1] is not e:
+            self._matched = track, e, self._compare(track, e)
+        return self._matched[2]
+
+    def _compare(self, track: MotionState, e: Estimate):
         whole = e.T_cam_port is not None
         first, second = (e.T_cam_port, e.rival) if whole else (e.ring, e.twin)
         choices = [(first, e.covariance)]
