@@ -10,7 +10,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import nbformat
-import plotly
 from docutils import nodes
 from jupyter_cache import get_cache
 from lmmap_notebooks import known_numbers, readable
@@ -54,31 +53,19 @@ def name_build(app) -> None:
             setattr(app.config, name, folders)
 
 
-def needs_plotly(doctree) -> bool:
-    """Whether a page draws an interactive figure."""
-    return doctree is not None and "Plotly.newPlot" in "".join(
-        node.astext() for node in doctree.findall() if node.tagname == "raw"
-    )
-
-
-def load_plotly(app, pagename, templatename, context, doctree) -> None:
-    """Load plotly.js, in the head, on pages that draw with it."""
-    if needs_plotly(doctree):
-        app.add_js_file("plotly.min.js")
+def has_slider(node) -> bool:
+    """Whether a cell's output is a figure with a slider."""
+    return any('class="steps"' in raw.astext() for raw in node.findall(nodes.raw))
 
 
 def prepare_static(app) -> None:
-    """Ship the plotly.js of the installed wheel with the pages.
+    """Remove myst-nb's style sheet of an earlier build.
 
-    Pages name static files by checksum if they are there: so plotly.js must be there from the start, and
-    myst-nb's style sheet, which comes last, must not be left from an earlier build.
+    Pages name static files by checksum if they are there, and this one comes last.
     """
     if app.builder.format == "html":
-        static = Path(app.outdir) / "_static"
-        static.mkdir(parents=True, exist_ok=True)
-        for old in static.glob("mystnb.*.css"):
+        for old in (Path(app.outdir) / "_static").glob("mystnb.*.css"):
             old.unlink()
-        shutil.copy(Path(plotly.__file__).parent / "package_data" / "plotly.min.js", static)
 
 
 def drop_preloads(app, exception) -> None:
@@ -131,7 +118,7 @@ def describe_figures(app, doctree) -> None:
             if not image.get("alt"):
                 image["alt"] = said.get("Description", "")
             image["classes"].append(said.get("Comment", "picture"))
-        if (images or needs_plotly(cell)) and sources_by_cell[cell["cell_index"]]:
+        if (images or has_slider(cell)) and sources_by_cell[cell["cell_index"]]:
             cell += source_line(sources_by_cell[cell["cell_index"]])
 
 
@@ -192,7 +179,6 @@ def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
     app.connect("source-read", list_modules)
-    app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
