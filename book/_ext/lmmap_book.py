@@ -12,6 +12,7 @@ from pathlib import Path
 import nbformat
 from docutils import nodes
 from jupyter_cache import get_cache
+from lmmap_icons import slim
 from lmmap_notebooks import known_numbers, readable
 from lmmap_sources import sources
 from PIL import Image
@@ -66,16 +67,6 @@ def prepare_static(app) -> None:
     if app.builder.format == "html":
         for old in (Path(app.outdir) / "_static").glob("mystnb.*.css"):
             old.unlink()
-
-
-def drop_preloads(app, exception) -> None:
-    """Remove the theme's hints to fetch fonts early, which browsers refuse on a page opened as a file."""
-    if exception is None and app.builder.format == "html":
-        for page in Path(app.outdir).rglob("*.html"):
-            text = page.read_text()
-            rest = re.sub(r'\s*<link rel="preload" as="font"[^>]*>', "", text)
-            if rest != text:
-                page.write_text(rest)
 
 
 def keep_outputs(app, exception) -> None:
@@ -183,7 +174,7 @@ def setup(app):
     app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
-    app.connect("build-finished", drop_preloads)
+    app.connect("build-finished", slim)
     app.connect("build-finished", keep_outputs)
     app.connect("html-page-context", offer_notebook, priority=100)  # before the theme's menu
     app.connect("build-finished", write_notebooks, priority=900)  # after outputs are kept
