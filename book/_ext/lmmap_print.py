@@ -29,7 +29,7 @@ ABOUT = ("Printed from the book's web pages. Sliders and the video stand here as
          "of the package's modules is in the pages only.")  # fmt: skip
 STYLE = Path(__file__).with_name("lmmap_print.css")
 LEFT_OUT = "script:not(.ring-lab + script), style, .headerlink, .copybtn, .steps > label"
-LINES = 60  # of a table that was folded; a longer one is left to the pages
+LINES = 25  # of a table that was folded; a longer one is left to the pages
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
          "--no-pdf-header-footer", "--generate-pdf-document-outline",
@@ -131,7 +131,7 @@ def document(chapters: list[tuple[str, list[Tag]]], pages: dict[str, int]) -> st
         f'<section class="front"><p class="title">{TITLE}</p><p>the lmmap authors</p><p>{ABOUT}</p></section>'
     )
     head = (f'<meta charset="utf-8"><title>{TITLE}</title><style>{STYLE.read_text()}</style>'
-            "<script>MathJax = {svg: {fontCache: 'global'}, options: {enableMenu: false}};</script>"
+            "<script>MathJax = {options: {enableMenu: false, processHtmlClass: 'math'}};</script>"
             '<script src="../html/_static/mathjax/tex-svg-full.js"></script>')  # fmt: skip
     listed = f'<section class="contents"><p class="head">Contents</p>{"".join(contents)}</section>'
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{front}{listed}{text}</body></html>'

@@ -33,8 +33,9 @@ def use_style() -> None:
         "savefig.transparent": True, "figure.dpi": 110, "figure.constrained_layout.use": True,
         "figure.figsize": (7.0, 3.2), "font.size": 10, "text.color": ink, "axes.labelcolor": ink,
         "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
-        "axes.grid": True, "axes.axisbelow": True, "grid.alpha": 0.25, "grid.color": ink, "axes.spines.top": False,
-        "axes.spines.right": False, "legend.frameon": False, "image.cmap": "gray", "svg.hashsalt": "lmmap",
+        "axes.grid": True, "axes.axisbelow": True, "grid.alpha": 0.25, "grid.color": ink,
+        "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
+        "image.cmap": "gray", "svg.hashsalt": "lmmap",
         "axes.prop_cycle": cycler.cycler(color=[COLOUR[k] for k in LINES]),
     })  # fmt: skip
 

@@ -17,6 +17,7 @@ from ..types import Camera, Port, Recording
 from . import filters_page
 from .tables import CAMERAS
 
+NETWORKS = {"ring": "ring", "reflector": "markers"}
 LENSES = {  # for the range of distances
     "DAVIS 346, 6 mm": Camera.davis346(),
     "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
@@ -33,7 +34,8 @@ def training(domain_gap: str) -> pd.DataFrame:
             card = load_card(path)
             kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
             rows.append({
-                "network": f"{name}, {CAMERAS[modality]}", "training sequences": " and ".join(kinds),
+                "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
+                "training sequences": " and ".join(kinds),
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
                 "begun from": card["recipe"]["start_from"] or "chance",
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
