@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -60,8 +61,14 @@ class Slider:
 
     def html(self) -> str:
         """Every step, of which all but one are hidden, their legend, and the slider."""
+        order = [self.start, *(k for k in range(len(self.steps)) if k != self.start)]
+        sources = [_data_uri(step.image) for step in self.steps]
+        holders = {}  # an image that several steps share is written once, if possible where the slider starts
+        for k in order:
+            holders.setdefault(sources[k], k)
         views = [
-            _view(step, f"{self.name} {step.label}", k == self.start) for k, step in enumerate(self.steps)
+            _view(step, f"{self.name} {step.label}", k == self.start, source, holders[source] == k)
+            for k, (step, source) in enumerate(zip(self.steps, sources, strict=True))
         ]
         legend = [f'<span><i style="background: {COLOUR[colour]}"></i>{escape(curve)}</span>'
                   for curve, _, colour, _ in self.steps[0].curves]  # fmt: skip
@@ -91,16 +98,16 @@ class Slider:
         return file.getvalue()
 
 
-def _view(step: Step, said: str, shown: bool) -> str:
+def _view(step: Step, said: str, shown: bool, source: str, holds: bool) -> str:
     height, width = step.image.shape
-    picture = cv2.imencode(".png", _grey(step.image), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
-    source = "data:image/png;base64," + base64.b64encode(picture).decode()
+    name = "step-" + hashlib.sha256(source.encode()).hexdigest()[:12]
+    size = f'x="-0.5" y="-0.5" width="{width}" height="{height}"'
+    picture = f'<image id="{name}" {size} href="{source}"/>' if holds else f'<use href="#{name}"/>'
     paths = "".join(_path(*curve[1:]) for curve in step.curves)
     hidden = "" if shown else ' hidden=""'
     return (f'<div class="step" data-label="{escape(step.label)}"{hidden}>'
             f'<p class="said">{escape(step.title)}</p><svg viewBox="-0.5 -0.5 {width} {height}" role="img" '
-            f'aria-label="{escape(said)}: {escape(step.title)}"><image x="-0.5" y="-0.5" width="{width}" '
-            f'height="{height}" href="{source}"/>{paths}</svg></div>')  # fmt: skip
+            f'aria-label="{escape(said)}: {escape(step.title)}">{picture}{paths}</svg></div>')  # fmt: skip
 
 
 def _path(points_px, colour: str, mode: str) -> str:
@@ -114,6 +121,11 @@ def _path(points_px, colour: str, mode: str) -> str:
     ]
     width = LINE_PX if mode == "lines" else DOT_PX
     return f'<path d="{"".join(moves)}" stroke="{COLOUR[colour]}" stroke-width="{width}"/>'
+
+
+def _data_uri(image) -> str:
+    picture = cv2.imencode(".png", _grey(image), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
+    return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
 def _grey(image) -> np.ndarray:

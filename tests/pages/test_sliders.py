@@ -89,3 +89,12 @@ def test_a_line_breaks_where_a_point_is_missing_and_dots_are_apart():
     line, dots = re.findall(r'<path d="([^"]*)"', html)
     assert line == "M0.0 0.0L1.0 0.0M2.0 2.0L3.0 2.0"
     assert dots.count("M") == dots.count("h0") == 4 and "L" not in dots
+
+
+def test_an_image_that_steps_share_is_written_once_and_where_the_slider_starts():
+    dark, light = np.zeros((4, 4)), np.ones((4, 4))
+    steps = [sliders.Step(f"{k}", "", image, ()) for k, image in enumerate([dark, dark, light])]
+    tree = ElementTree.fromstring(sliders.Slider(steps, "k", start=1).html())
+    images, uses = ([view.findall(f"svg/{tag}") for view in tree.findall("div")] for tag in ("image", "use"))
+    assert [len(found) for found in images] == [0, 1, 1] and [len(found) for found in uses] == [1, 0, 0]
+    assert uses[0][0].get("href") == "#" + images[1][0].get("id")
