@@ -43,6 +43,11 @@ def name_style(app, config) -> None:
     config.html_context = {**config.html_context, "style": digest[:16]}
 
 
+def order_search(app, config) -> None:
+    """Let the search list chapters before modules; Sphinx would look for the file where it was started."""
+    config.html_search_scorer = str(Path(__file__).with_name("lmmap_scorer.js"))
+
+
 def name_build(app) -> None:
     """Leave packages' folders out of Sphinx's note of what made the pages, so that pages are equal."""
     if app.builder.format == "html":
@@ -169,6 +174,7 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
+    app.connect("config-inited", order_search)
     app.connect("source-read", list_modules)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", name_build)
