@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import functools
 import hashlib
 import json
 import os
@@ -230,19 +231,26 @@ def attack(
 
 
 def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
-    """Run every command, and estimate from every format; arguments and problem of each bad answer."""
+    """Run every command on recordings, and estimate from every format; arguments and problem of each bad
+    answer.  Prints the commands."""
     inputs = folder / "inputs"
     inputs.mkdir()
     sound = sound_files(inputs, np.random.default_rng(0))
-    before, ran, wrong = digests(inputs), set(), []
-    for kind, path in sound.items():
-        for name, argv in commands(path, kind, folder, sound).items():
-            if name in ran and name != "estimate":  # each format once, each command once
-                continue
-            ran.add(name)
-            problem = answer(argv).violation or (digests(inputs) != before and "an input changed")
-            wrong += [(argv, problem)] if problem else []
-    print(*sorted(ran))
+    poses, modality = str(folder / "poses.csv"), ("--modality", "event")
+    todo = {"info": ["info", str(sound[".h5"])]}
+    for kind, path in sound.items():  # each format once, each command once
+        every = commands(path, kind, folder, sound).items()
+        todo |= {name if name != "estimate" else f"{name} {kind}": argv for name, argv in every}
+    todo |= {
+        "poses": ["estimate", str(sound[".h5"]), *modality, "--events", "500", "-o", poses],
+        "draw": ["draw", str(sound[".h5"]), poses, *modality, "--events", "500", "-o", f"{folder}/v.avi"],
+        "pictures": ["pictures", str(sound["numbered"]), "--modality", "rgb", "-o", f"{folder}/drawn"],
+    }
+    before, wrong = digests(inputs), []
+    for argv in todo.values():
+        problem = answer(argv).violation or (digests(inputs) != before and "an input changed")
+        wrong += [(argv, problem)] if problem else []
+    print(*sorted({argv[0] for argv in todo.values()}))
     return wrong
 
 
@@ -268,12 +276,21 @@ def print_table(answered: list[tuple[Case, Answer]]) -> None:
 
 
 def warm_up() -> None:
-    """Import what commands import when they run, so that a forked process need not."""
+    """Import what commands import when they run, and load the shipped networks, so that a forked process
+    need not."""
     import lmmap.cli.authors
+    import lmmap.cli.drawing
     import lmmap.cli.estimation
     import lmmap.cli.evaluation
+    import lmmap.cli.pictures
     import lmmap.cli.recording
     import lmmap.studies.odometry_files  # noqa: F401
+    from lmmap.pipeline import image_estimator
+
+    image_estimator.load_networks = functools.cache(image_estimator.load_networks)
+    for modality in ("rgb", "event"):
+        for gap in ("low", "robust"):
+            image_estimator.load_networks(gap, modality, "auto")
 
 
 if __name__ == "__main__":

@@ -2,9 +2,10 @@
 
     python benchmarks/kill_and_resume.py [ROUNDS] [SEED] [--reproduce]
 
-Each round compares every byte of what a command leaves with that of an unbroken run.  ``--reproduce`` adds
-the results of the short profile, minutes a round, in ``data/derived`` of this checkout.  Prints a line a
-command, and ends with 1 if an output differs or a run leaves parts behind.
+Each round compares every byte of what a command leaves with that of an unbroken run.  The training has
+small made-up images, the study made-up estimates.  ``--reproduce`` adds the results of the short profile,
+minutes a round, in ``data/derived`` of this checkout.  Prints a line a command, and ends with 1 if an output
+differs or a run leaves parts behind.
 """
 
 from __future__ import annotations
@@ -20,26 +21,41 @@ from pathlib import Path
 import numpy as np
 from attack_recordings import digests
 
-from lmmap.provenance import DATA, DERIVED_DATA
+from lmmap.provenance import DATA, DERIVED_DATA, ROOT
 
 MINI = DATA / "mini" / "test-low.aedat4"
 SHORTEST_S = 0.3
+STUDY = f"""
+import sys
+from pathlib import Path
+sys.path[:0] = [{str(ROOT / "tests")!r}, {str(ROOT / "tests" / "studies")!r}]
+from test_accuracy_run import Estimates, accuracy_run, put_made_up
+put_made_up(Path(sys.argv[1]), setattr)
+accuracy_run._estimates = Estimates()
+accuracy_run.reproduce("quick", print)
+"""
 
 
 def commands(reproduce: bool) -> dict[str, tuple[list[str], str]]:
-    """Arguments of each command, ``{}`` standing for its folder, and the one that makes it go on."""
+    """Python's arguments of each command, ``{}`` standing for its folder, and the one that makes it go on."""
+    lmmap, mini = ["-m", "lmmap"], str(MINI)
     out = {
-        "estimate": (["estimate", str(MINI), "--modality", "rgb", "-o", "{}/poses.csv"], "--resume"),
-        "estimate to TUM": (["estimate", str(MINI), "--modality", "event", "-o", "{}/poses.tum"], "--resume"),
-        "simulate": (["simulate", "--sequence", "realistic-7", "--seconds", "2", "-o", "{}/r.h5"], ""),
+        "estimate": ([*lmmap, "estimate", mini, "--modality", "rgb", "-o", "{}/poses.csv"], "--resume"),
+        "estimate to TUM": ([*lmmap, "estimate", mini, "--modality", "event", "-o", "{}/p.tum"], "--resume"),
+        "simulate": (
+            [*lmmap, "simulate", "--sequence", "realistic-7", "--seconds", "2", "-o", "{}/r.h5"],
+            "",
+        ),
+        "train": ([str(ROOT / "benchmarks" / "toy_training.py"), "{}"], ""),
+        "study": (["-c", STUDY, "{}"], ""),
     }
-    return out | ({"reproduce": (["reproduce", "--profile", "quick"], "")} if reproduce else {})
+    return out | ({"reproduce": ([*lmmap, "reproduce", "--profile", "quick"], "")} if reproduce else {})
 
 
 def run(argv: list[str], seconds: float | None = None) -> float | None:
     """Seconds that a command took to end; None if it was killed after ``seconds``."""
     began = time.monotonic()
-    child = subprocess.Popen([sys.executable, "-m", "lmmap", *argv], stdout=-3, stderr=subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, *argv], stdout=-3, stderr=subprocess.PIPE)
     try:
         _, err = child.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -64,15 +80,18 @@ def check(name: str, argv: list[str], resume: str, rounds: int, rng) -> bool:
     with tempfile.TemporaryDirectory() as scratch:
         unbroken = Path(scratch) / "unbroken"
         unbroken.mkdir()
-        seconds = run([a.format(unbroken) for a in argv])
+        seconds = run([a.replace("{}", str(unbroken)) for a in argv])
         expected, total, same = digests(_left(name, unbroken)), 0, True
         for k in range(rounds):
             folder = Path(scratch) / f"{k}"
             folder.mkdir()
             if name == "reproduce":
                 shutil.rmtree(DERIVED_DATA / "quick")
-            total += kills([a.format(folder) for a in argv], resume, seconds, rng)
-            same &= digests(_left(name, folder)) == expected
+            total += kills([a.replace("{}", str(folder)) for a in argv], resume, seconds, rng)
+            left = digests(_left(name, folder))
+            if differing := sorted(k for k in {*left, *expected} if left.get(k) != expected.get(k)):
+                print(f"{name}: {', '.join(differing)}", flush=True)
+            same &= left == expected
         print(
             f"{name:16} {seconds:6.1f} s unbroken, {total:3d} kills, {'equal' if same else 'DIFFERENT'}",
             flush=True,
@@ -88,8 +107,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("rounds", type=int, nargs="?", default=5)
     parser.add_argument("seed", type=int, nargs="?", default=0)
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="such as train study")
     parser.add_argument("--reproduce", action="store_true", help="also the results of the short profile")
     a = parser.parse_args()
     rng = np.random.default_rng(a.seed)
-    checks = [check(name, *what, a.rounds, rng) for name, what in commands(a.reproduce).items()]
+    chosen = {name: what for name, what in commands(a.reproduce).items() if not a.only or name in a.only}
+    checks = [check(name, *what, a.rounds, rng) for name, what in chosen.items()]
     sys.exit(not all(checks))

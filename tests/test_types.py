@@ -48,6 +48,21 @@ def test_the_quaternion_of_a_quarter_turn_about_z():
     np.testing.assert_allclose(T.quaternion_xyzw, [0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 
 
+@pytest.mark.parametrize(
+    "t_us", [[2**63], [2**70], [np.nan], [np.inf], [1e300], ["0"], [None], np.array([2**64 - 1], np.uint64)]
+)
+def test_times_of_a_trajectory_that_are_none(t_us):
+    with pytest.raises(ValueError, match=r"Trajectory: t_us: expected .*, got "):
+        Trajectory(t_us, Pose(np.eye(3)[None], np.zeros((1, 3))))
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_no_pose_between_less_than_two(count):
+    path = Trajectory(np.arange(count), Pose(np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))))
+    with pytest.raises(ValueError, match=f"expected at least two poses to interpolate, got {count}"):
+        path.at([0])
+
+
 def test_trajectories_interpolate_half_way_and_refuse_to_extrapolate():
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     path = Trajectory([0, 100], Pose(np.stack([np.eye(3), turn]), [[0, 0, 1], [2, 0, 1]]))

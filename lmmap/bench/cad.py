@@ -85,7 +85,7 @@ def without_port(solid: Solid) -> Solid:
     return solid._replace(bound_radius2=-1.0)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def _hit_wall(ox, oy, oz, dx, dy, dz, radius, lower, upper, t_max):
     """Distance of the nearest hit of an upright cylinder's wall between two heights, or t_max."""
     a = dx * dx + dy * dy
@@ -100,7 +100,7 @@ def _hit_wall(ox, oy, oz, dx, dy, dz, radius, lower, upper, t_max):
     return t_max
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def _misses_sphere(ox, oy, oz, dx, dy, dz, height, radius2):
     """Whether a ray misses the sphere around (0, 0, height)."""
     cz = oz - height
@@ -109,7 +109,7 @@ def _misses_sphere(ox, oy, oz, dx, dy, dz, height, radius2):
     return toward * toward < outside or (toward > 0.0 and outside > 0.0)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     """First surface of the port along a ray: (distance, surface, nx, ny, nz), without the panel."""
     t, what, nx, ny, nz = t_max, NOTHING, 0.0, 0.0, 0.0
@@ -162,7 +162,7 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     return t, what, nx, ny, nz
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def hit_panel(s, ox, oy, oz, dx, dy, dz):
     """First hit of the panel's slab: (distance, nx, ny, nz); the distance is `FAR_M` for a miss."""
     near, far, axis, sign = -FAR_M, FAR_M, 2, 1.0

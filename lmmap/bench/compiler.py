@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numba
 
+from ..geometry.compiled import njit as njit
+
 
 def _cache_folder() -> Path:
     """A folder named by the bench's source."""
@@ -22,5 +24,3 @@ def _cache_folder() -> Path:
 
 if "NUMBA_CACHE_DIR" not in os.environ:
     numba.config.CACHE_DIR = str(_cache_folder())
-
-njit = numba.njit

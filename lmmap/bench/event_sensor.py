@@ -111,7 +111,7 @@ def _pack(t_s, x, y, p) -> np.ndarray:
     return events
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _fire(firing, before, now, ref, last, on, off, t0, dt, refractory):
     """Times, pixels and polarities of the events of pixels that cross a threshold; writes into the sensor's
     state ``ref`` and ``last``."""
@@ -137,7 +137,7 @@ def _fire(firing, before, now, ref, last, on, off, t0, dt, refractory):
     return t[:n], pixel[:n], p[:n]
 
 
-@njit(cache=True)
+@njit()
 def _grow(a):
     larger = np.empty(2 * len(a), a.dtype)
     larger[: len(a)] = a

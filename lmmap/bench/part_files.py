@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from ..files import atomic, has_mark
+from ..recordings.hdf5_datasets import new_file
 from ..types import EVENT, Camera, InputError
 from .event_sensor import EventSensor
 
@@ -27,7 +28,7 @@ def join(part: dict[str, list], camera: Camera) -> dict[str, np.ndarray]:
 
 def keep(folder: Path, index: int, part: dict) -> None:
     """Write a finished part, with the state in which it left the sensor."""
-    with atomic(folder / f"{index:04d}.h5") as temporary, h5py.File(temporary, "w") as file:
+    with atomic(folder / f"{index:04d}.h5") as temporary, new_file(temporary) as file:
         for name, value in part.items():
             file[name] = value
 

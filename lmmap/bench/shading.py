@@ -20,7 +20,7 @@ PENUMBRA_M2 = 0.002  # by which a soft lamp's shadow outgrows the port's boundin
 LIFT_M = 1e-5  # a shadow ray starts this far off its surface
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def microfacet_lobe(nl, nv, nh, vh, a2, spread2):
     """Distribution times visibility of the microfacets, and Schlick's (1 - v.h)^5; ``a2`` is alpha squared.
 
@@ -38,7 +38,7 @@ def microfacet_lobe(nl, nv, nh, vh, a2, spread2):
     return 2.0 * a2 / (np.pi * w * (w + q) * smith), square * square * grazing
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def _look_up_texel(skin, column, row, out, channels):
     """Bilinear look-up of every channel of a skin at continuous texel coordinates."""
     rows, columns = skin.shape[:2]
@@ -53,7 +53,7 @@ def _look_up_texel(skin, column, row, out, channels):
         out[k] = upper + w10 * skin[i + 1, j, k] + w11 * skin[i + 1, j + 1, k]
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", inline="always")
+@njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def _visible_share(s, gx, gy, gz, x, y, z, spread_m, R):
     """Share of a lamp at (x, y, z) that the port lets through to a point (gx, gy, gz)."""
     lit, points = 0.0, 4 if spread_m > 0.0 else 1
@@ -68,7 +68,7 @@ def _visible_share(s, gx, gy, gz, x, y, z, spread_m, R):
     return lit / points
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def _first_surface(s, origin, ray, bounds, eye_z, eye_outside):
     """First surface along a line of sight: (distance, surface, nx, ny, nz); the distance is FAR_M or more
     for a miss."""
@@ -86,7 +86,7 @@ def _first_surface(s, origin, ray, bounds, eye_z, eye_outside):
     return t, what, nx, ny, nz
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@njit(fastmath=True, error_model="numpy", inline="always")
 def _add_lamp(total, mat, colours, s, R, what, point, normal, ray, nv, outside, lamp, colour, radius_m):
     """Add the light of one lamp, at ``lamp`` (3,), that leaves a point toward the eye."""
     (px, py, pz), (nx, ny, nz), (dx, dy, dz) = point, normal, ray
@@ -127,7 +127,7 @@ def shading_kernel(colours: int):
     """The renderer for one (event sensor) or three (RGB) colours, compiled on its first call."""
     channels = 2 * colours + 3  # diffuse and specular of each colour, roughness, two slopes
 
-    @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+    @njit(nogil=True, fastmath=True, error_model="numpy")
     def kernel(s, skin, lamps, intensity, radii, parts, R, origin, rays, backdrop, ambient):
         samples, height, width = rays.shape[:3]
         radiance = np.zeros((height, width, colours), np.float32)

@@ -42,11 +42,14 @@ def simulate(a) -> None:
     if a.jobs > 1 or a.scheduler:
         if camera:
             raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
-        for path, events, frames in tqdm(record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs)):
+        for path, events, frames in tqdm(
+            record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs), disable=None
+        ):
             tqdm.write(f"{path}: {events} events, {frames} frames")
         return
     for name, seconds, path in jobs:
-        with tqdm(total=seconds, desc=name, bar_format="{desc} {percentage:3.0f}% {bar} {elapsed}") as bar:
+        form = "{desc} {percentage:3.0f}% {bar} {elapsed}"
+        with tqdm(total=seconds, desc=name, bar_format=form, disable=None) as bar:
             events, frames = record(name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera)
             bar.update(seconds - bar.n)
         print(f"{path}: {events} events, {frames} frames, {seconds:g} s")

@@ -6,13 +6,20 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..types import Port, frozen_array
+from ..types import Port, check_number, frozen_array
+
+LEAST_YAW_STEP_RAD = 1e-3  # a tenth of what a yaw is known to; memory grows as the step gets smaller
 
 
 def reach_m(port: Port) -> float:
     """Radius about the port's axis within which the markers lie, and a little more."""
     tangential, depth = np.array(port.marker_size_m) / 2
     return float(1.1 * np.hypot(port.marker_radius_m + depth, tangential))
+
+
+def check_yaw_step(port: Port, yaw_step_rad: float) -> None:
+    """ValueError unless a step fits the period of the port's yaw, and not too often."""
+    check_number("yaw_step_rad", yaw_step_rad, LEAST_YAW_STEP_RAD, 1.001 * port.yaw_period_rad)
 
 
 @lru_cache

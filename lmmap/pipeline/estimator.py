@@ -10,7 +10,7 @@ from ..geometry.projection import undistort_points
 from ..refinement import contour, image_edges, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
-from ..types import Ellipse, Estimate, Port, Pose, Status
+from ..types import Ellipse, Estimate, Port, Pose, Status, check_time
 from . import circle, ellipse, local_search, outline, yaw
 from .follow import Expected, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
@@ -51,6 +51,7 @@ class Estimator(ImageEstimator):
     def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """As `ImageEstimator`; a ring that is expected (``near``, in pixels of `grid`) is looked for there
         alone, and ``printed`` is left out."""
+        check_time("t_us", t_us)
         return self.in_camera(self.on_grid(self.checked(image), t_us, near))
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:

@@ -12,7 +12,7 @@ from ..geometry.markers import reach_m
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..settings import OURS, Settings
-from ..types import Camera, Estimate, Port, Pose
+from ..types import Camera, Estimate, Port, Pose, check_time
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .network import crop_bounds
@@ -59,6 +59,7 @@ class ImageEstimator:
             If the image is not of the camera's size, or not as the modality has it: float, grey and RGBA
             images are refused.  BGR cannot be told from RGB.
         """
+        check_time("t_us", t_us)
         return self.in_camera(self.on_grid(self.checked(image), t_us))
 
     def checked(self, image: np.ndarray) -> np.ndarray:

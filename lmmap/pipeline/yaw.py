@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..geometry.markers import corners_m, marker_points_m, polar_template
+from ..geometry.markers import check_yaw_step, corners_m, marker_points_m, polar_template
 from ..geometry.rotations import rotation_z
 from ..geometry.sampling import project_points, sample
 from ..settings import OURS, PAPER, PaperSettings, Settings
@@ -54,6 +54,7 @@ def paper_yaw(
         The two candidates; their yaw is the grid's zero.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
+    check_yaw_step(port, settings.yaw_step_rad)
     yaws = np.arange(0, port.yaw_period_rad - settings.yaw_step_rad / 2, settings.yaw_step_rad)
     hypotheses = _turn(T_cam_port[:, None], yaws)  # (2, N)
     corners = project_points(hypotheses, corners_m(port), camera)  # (2, N, S, 4, 2)
@@ -94,6 +95,7 @@ def fast_yaw(
     by the mask and by `outline.support` together, with ``weights`` (4,), `Settings.yaw_weights`.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
+    check_yaw_step(port, settings.yaw_step_rad)
     _, template, step_rad = polar_template(port, settings.yaw_step_rad)
     folded, correlation = _correlate(mask, T_cam_port, port, camera, settings)
     criterion = correlation / template.sum()

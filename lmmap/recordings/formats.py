@@ -123,7 +123,10 @@ def write_aedat4(recording: Recording, path) -> None:
 
 
 def write_recording(recording: Recording, path, suffixes=None) -> None:
-    """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`."""
+    """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`.
+
+    Nothing gets its name before everything is written: on a full disk, what was there stays.
+    """
     path, r = Path(path), recording
     suffixes = suffixes or tuple(WRITERS)
     if path.suffix not in suffixes:
@@ -135,14 +138,15 @@ def write_recording(recording: Recording, path, suffixes=None) -> None:
         *checked_frames(r.timed_frames(), r.camera.size_px),
     ):
         pass  # ValueError: the caller's fault, found before anything is written
-    with atomic(path.with_suffix(".camera.json")) as temporary:
-        r.camera.save(temporary)
-    if r.truth is not None:
-        write_trajectory(r.truth, path.with_suffix(".truth.csv"))
+    truth = path.with_suffix(".truth.csv")
     with atomic(path) as temporary:
         WRITERS[path.suffix](r, temporary)
-        if r.truth is None:  # one of another recording would be taken for this one's
-            path.with_suffix(".truth.csv").unlink(missing_ok=True)
+        with atomic(path.with_suffix(".camera.json")) as camera:
+            r.camera.save(camera)
+            if r.truth is not None:
+                write_trajectory(r.truth, truth)
+            else:  # one of another recording would be taken for this one's
+                truth.unlink(missing_ok=True)
 
 
 WRITERS = {

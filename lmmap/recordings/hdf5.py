@@ -12,7 +12,7 @@ import numpy as np
 from ..pipeline.histograms import from_columns
 from ..types import Recording
 from . import prophesee
-from .hdf5_datasets import open_dataset, rows_at_once
+from .hdf5_datasets import new_file, open_dataset, rows_at_once
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, input_errors, pieces
 
@@ -123,7 +123,7 @@ def write(recording: Recording, path: Path) -> None:
     """Write DSEC's layout with frames added, compressed and with checksums; raises `OSError`."""
     r, packed = recording, dict(compression="gzip", compression_opts=1, shuffle=True, fletcher32=True)
     offset_us = int(r.events["t_us"][0]) if len(r.events) else 0
-    with h5py.File(path, "w") as file:
+    with new_file(path) as file:
         file.attrs["size_px"] = r.camera.size_px
         file["t_offset"] = offset_us
         columns = {"t": r.events["t_us"] - offset_us, "x": r.events["x"], "y": r.events["y"]}

@@ -9,7 +9,7 @@ import json
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from ..files import check_output, lock, write_text
+from ..files import atomic, check_output, lock
 from ..types import Estimate, InputError, Status
 from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
 
@@ -56,11 +56,14 @@ class Journal:
 
     def _read(self) -> None:
         """Take the times and statuses of the lines that are whole."""
-        if self._made_of is not None:
-            self._compare_marks()
         content = self.path.read_bytes()
-        whole = content.rfind(b"\n") + 1
         head = ",".join(COLUMNS).encode() + b"\n"
+        if self._made_of is not None:
+            begun = head[: len(content)] if self.format == "csv" else b""
+            if not self.mark.exists() and content == begun:
+                return  # killed before its mark had its name: no line to lose
+            self._compare_marks()
+        whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
             raise InputError(
                 f"{self.path}: has other columns than estimates of this version; leave --resume out"
@@ -138,13 +141,20 @@ class Journal:
             self._file.truncate(self._whole)
             self._file.seek(self._whole)
             return
-        if self.path.is_file():
-            self.path.unlink()  # first: a mark must never stand beside another run's lines
-        if self._made_of is not None and not self.path.exists():
-            write_text(self.mark, json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
-        self._file = self.path.open("w", newline="")
-        if self.format == "csv":
-            self._file.write(",".join(COLUMNS) + "\n")
+        head = ",".join(COLUMNS) + "\n" if self.format == "csv" else ""
+        if self.path.exists() and not self.path.is_file():  # a device
+            self._file = self.path.open("w", newline="")
+            self._file.write(head)
+            return
+        # on a full disk what was there stays; and a mark never stands beside another run's lines
+        with ExitStack() as written:
+            if self._made_of is not None:
+                mark = written.enter_context(atomic(self.mark))
+                mark.write_text(json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
+            with atomic(self.path) as lines:
+                lines.write_text(head)
+                self.mark.unlink(missing_ok=True)
+        self._file = self.path.open("a", newline="")
 
     def __enter__(self):
         if not self.path.exists() or self.path.is_file():

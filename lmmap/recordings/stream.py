@@ -54,8 +54,10 @@ class Stream:
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
-        chunks = timely_events(self.source.events())
-        return self._with_file_name(checked_events(chunks, self.camera.size_px) if self.checked else chunks)
+        chunks = self.source.events()
+        return self._with_file_name(
+            checked_events(chunks, self.camera.size_px) if self.checked else timely_events(chunks)
+        )
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
@@ -151,6 +153,7 @@ def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> It
         if not len(e):
             continue
         t_us = e["t_us"]
+        check_times(t_us[[0, -1]])  # in order, as is checked next, those between them are too
         back = [-1] if t_us[0] < last_us else np.flatnonzero(t_us[1:] < t_us[:-1])
         if len(back):
             k = back[0]

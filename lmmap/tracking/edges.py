@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import numba
 import numpy as np
 
+from ..geometry.compiled import njit
 from ..geometry.projection import bearings, project
 from ..refinement.verify import hidden
 from ..types import Camera, Port, Pose
@@ -129,7 +129,7 @@ class EdgeFinder:
         return count, sum_px
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, middle, half, usable, gate_px,
                    count, sum_px):  # fmt: skip
     """Adds each event to the bin of the nearest edge within the gate, in ``count`` and ``sum_px``."""
@@ -190,7 +190,7 @@ def _sort_to_edges(xs, ys, ps, rays, R, p, fx, fy, radii, height, symmetry, midd
             sum_px[int(ps[i]), nearest] += best
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _px_per_m(R, x, y, s, fx, fy, ox, oy, tx, ty):
     """How many pixels along the edge's image normal a metre along the direction (ox, oy, 0) of the port is.
 

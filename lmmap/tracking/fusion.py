@@ -22,10 +22,11 @@ from scipy.spatial.transform import Rotation
 
 from ..geometry.rotations import equal_turns, rotation_angle_rad
 from ..settings import OURS, MotionSettings
-from ..types import Estimate, Pose, Status
+from ..types import Estimate, Pose, Status, check_number, check_time
 from .motion_model import MotionState, repetition
 
 LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
+LEAST_HZ, MOST_HZ = 1e-6, 1e6  # of fused estimates: one in 12 days, or one a microsecond
 FREE_RAD = 30.0  # standard deviation of a yaw that is not measured
 # how far a failed image came
 STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS, Status.UNSURE)
@@ -41,8 +42,7 @@ class Fusion:
     """
 
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
-        if not np.deg2rad(1) <= yaw_period_rad <= 2 * np.pi:
-            raise ValueError(f"yaw_period_rad: expected 1 to 360 degrees in rad, got {yaw_period_rad!r}")
+        check_number("yaw_period_rad", yaw_period_rad, np.deg2rad(1), 2 * np.pi)
         self.motion, self.state = motion, None
         self._ahead: tuple[MotionState, MotionState] | None = None  # a state, and what was predicted from it
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
@@ -66,6 +66,7 @@ class Fusion:
         if len(times) != 1:
             raise ValueError(f"estimates: expected one time, got {sorted(times)}")
         (t_us,) = times
+        check_time("t_us", t_us)
         self._statuses |= {camera: e.status for camera, e in estimates.items()}
         seen = {camera: e for camera, e in estimates.items() if (e.T_cam_port or e.ring) is not None}
         if missing := [camera for camera, e in seen.items() if e.covariance is None]:
@@ -73,6 +74,9 @@ class Fusion:
         for camera, e in seen.items():
             if np.shape(e.covariance) != (6, 6) or not np.all(np.isfinite(e.covariance)):
                 raise ValueError(f"estimates: expected a finite covariance (6, 6), got another from {camera}")
+            if not np.all(np.diag(e.covariance) > 0):
+                variances = np.diag(e.covariance).tolist()
+                raise ValueError(f"estimates: expected positive variances, got {variances} from {camera}")
         track, whole = (
             self.predicted(t_us),
             [camera for camera, e in seen.items() if e.T_cam_port is not None],
@@ -174,10 +178,10 @@ def fuse(
     Raises
     ------
     ValueError
-        For a period beyond 1 to 360 degrees, a rate that is not positive, and as `Fusion.add`.
+        For a period beyond 1 to 360 degrees, a rate beyond 1e-6 to 1e6 Hz, and as `Fusion.add`.
     """
-    if rate_hz is not None and not 0 < rate_hz < np.inf:
-        raise ValueError(f"rate_hz: expected a positive number or None, got {rate_hz!r}")
+    if rate_hz is not None:
+        check_number("rate_hz", rate_hz, LEAST_HZ, MOST_HZ)
     fusion, tick, first_us, last_us = Fusion(yaw_period_rad, motion), 0, None, None
     for t_us, estimates in groupby(timed, key=lambda camera_estimate: camera_estimate[1].t_us):
         first_us, last_us = (t_us, t_us) if first_us is None else (first_us, last_us)

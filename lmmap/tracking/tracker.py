@@ -15,7 +15,7 @@ import numpy as np
 
 from ..pipeline.estimator import Estimator
 from ..pipeline.run import TimedImage
-from ..types import Estimate, Status
+from ..types import Estimate, Status, check_time
 from .between import Between
 from .crop import expected_ring
 from .fusion import Fusion
@@ -122,6 +122,7 @@ class Tracker:
         return replace(e, status=Status.PREDICTED) if later else e
 
     def _keep_time(self, t_us: int, modality: str) -> None:
+        check_time("t_us", t_us)
         last_us = self._last_us.get(modality, -np.inf)
         if t_us <= last_us or t_us < self._track.first_us:
             after_us = max(last_us, self._track.first_us)

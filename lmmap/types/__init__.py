@@ -9,6 +9,7 @@ centres.
 from ..camera_files import InputError
 from .arrays import frozen_array
 from .camera import Camera
+from .checks import check_number, check_time
 from .ellipse import Ellipse
 from .estimate import Estimate, Status
 from .port import Port
@@ -27,5 +28,7 @@ __all__ = [
     "Recording",
     "Status",
     "Trajectory",
+    "check_number",
+    "check_time",
     "frozen_array",
 ]

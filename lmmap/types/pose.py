@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from .arrays import frozen_array
+from .checks import frozen_times
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,7 @@ class Trajectory:
     poses: Pose
 
     def __post_init__(self):
-        try:
-            object.__setattr__(self, "t_us", frozen_array(self.t_us, np.int64))
-        except OverflowError:
-            raise ValueError("Trajectory: t_us: expected times that fit 64 bits of microseconds") from None
+        object.__setattr__(self, "t_us", frozen_times("Trajectory: t_us", self.t_us))
         if len(self.t_us) != len(self.poses):
             raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.poses)} poses")
         if np.any(np.diff(self.t_us) <= 0):

@@ -32,6 +32,19 @@ def test_the_wings_are_those_of_the_contract():
     assert set().union(*table) == set().union(*layers)
 
 
+def test_each_promise_names_tests_that_exist():
+    section = DESIGN.split("## Promises")[1].split("## ")[0]
+    rows = [row for row in section.splitlines() if row.startswith("|")][2:]
+    assert len(rows) >= 15
+    for row in rows:
+        tests = re.findall(r"`(tests/[\w/]+\.py):(\w+)`", row)
+        assert tests, row
+        for file, name in tests:
+            assert f"\ndef {name}(" in (ROOT / file).read_text(), name
+        for script in re.findall(r"`(benchmarks/\w+\.py)`", row):
+            assert (ROOT / script).exists(), script
+
+
 def test_the_tuning_table_names_scripts_and_results_that_exist():
     rows = re.findall(
         r"^\| .+? \| `(\S+?\.py).*?` \| (.+) \|$", (ROOT / "tuning" / "README.md").read_text(), re.M

@@ -1,5 +1,6 @@
 """Commands lose nothing: outputs that are not theirs stay, inputs never change, and answers are short."""
 
+import hashlib
 import json
 import os
 import subprocess
@@ -7,14 +8,24 @@ import sys
 from pathlib import Path
 
 import attack_recordings as attacks
+import attack_sound
+import numpy as np
 import pytest
+import torch
 from attack_sound import CAMERA
+from test_accuracy_run import Estimates, quick  # noqa: F401
+from test_train import toy  # noqa: F401
 
-from lmmap.cli import main
+from lmmap.bench import photometry
+from lmmap.cli import bench, main
+from lmmap.cli.arguments import parser
 from lmmap.files import InputError, lock
 from lmmap.provenance import DATA, ROOT
+from lmmap.recordings.formats import write_recording
 from lmmap.recordings.journal import Journal
+from lmmap.studies import accuracy_run
 from lmmap.studies.bag_estimates import resumable_file
+from lmmap.training import train
 
 MINI = DATA / "mini" / "test-low.aedat4"
 NOTES = "notes that nobody has a copy of\nand a second line"
@@ -136,8 +147,56 @@ def test_commands_change_no_file_that_they_were_not_told_to_write(tmp_path):
     """Every command on sound files: hashes of all inputs before and after."""
     done = suite("--sound-in", tmp_path)
     assert done.returncode == 0 and not done.stderr, done.stdout + done.stderr
-    ran = set(done.stdout.splitlines()[-1].split())
-    assert ran >= {"info", "estimate", "evaluate", "export", "live", "calibrate", "score"}
+    (commands,) = (a.choices for a in parser()._subparsers._group_actions)
+    assert set(done.stdout.splitlines()[-1].split()) | {*STUDIES} == {*commands}
+
+
+STUDIES = {
+    "simulate": (
+        "--sequence",
+        "realistic-7",
+        "--seconds",
+        "0.2",
+        "--camera",
+        "{}/camera.json",
+        "-o",
+        "{}/s.h5",
+    ),
+    "photometry": ("-o", "{}/lamps.json"),
+    "train": ("--filter", "ring", "--modality", "event", "--domain-gap", "low", "--steps", "1"),
+    "reproduce": ("--profile", "quick"),
+    "check": (),
+    "completion": ("bash",),
+}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_studies_change_no_file_that_they_were_not_told_to_write(name, tmp_path, monkeypatch, lmmap, request):
+    """On toy training sets and made-up estimates: hashes of the whole project before and after."""
+    CAMERA.save(tmp_path / "camera.json")
+    monkeypatch.setattr(bench, "DERIVED_DATA", tmp_path)
+    monkeypatch.setattr(photometry, "calibrate_lamps", lambda _: {"gain": 1.0})
+    if name == "reproduce":
+        request.getfixturevalue("quick")
+        monkeypatch.setattr(accuracy_run, "_estimates", Estimates())
+    if name == "train":
+        samples = request.getfixturevalue("toy").glob("augmented-*")
+        (tmp_path / "training").mkdir()
+        for folder in samples:
+            folder.rename(tmp_path / "training" / folder.name)
+        one = torch.zeros(1, 1, 32, 32)
+        monkeypatch.setattr(train, "make_batch", lambda *_: (one, one))
+    files = subprocess.run(["git", "ls-files", "-z"], capture_output=True, cwd=ROOT, text=True).stdout
+    files = [ROOT / name for name in files.split("\0") if name and (ROOT / name).is_file()]
+    before, inputs = hashes(files), attacks.digests(tmp_path)
+    code, _, err = lmmap(name, *(a.format(tmp_path) for a in STUDIES[name]))
+    assert code == 0 or (name == "check" and len(err.splitlines()) == 1), err
+    assert hashes(files) == before
+    assert inputs.items() <= attacks.digests(tmp_path).items()
+
+
+def hashes(files) -> list[str]:
+    return [hashlib.sha256(path.read_bytes()).hexdigest() for path in files]
 
 
 def test_estimates_of_a_bag_replace_no_other_file(tmp_path):
@@ -154,3 +213,69 @@ def test_damaged_and_hostile_files_get_short_answers():
     done = suite(60, 1, "--mutations-only")
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout.splitlines()[-1])["violations"] == 0
+
+
+LIMITED = """
+import resource, sys
+from lmmap.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    "argv, name",
+    [
+        (("simulate", "--sequence", "realistic-7", "--seconds", "0.2", "--camera", "{}/camera.json"), "r.h5"),
+        (
+            ("simulate", "--sequence", "realistic-7", "--seconds", "0.2", "--camera", "{}/camera.json"),
+            "r.bag",
+        ),
+        (("estimate", "{}/r.h5", "--modality", "rgb"), "poses.csv"),
+    ],
+)
+def test_a_full_disk_leaves_the_old_output_whole(tmp_path, argv, name):
+    """A limit on the size of files stands for the disk."""
+    write_recording(attack_sound.recording(np.random.default_rng(0)), tmp_path / "r.h5")
+    CAMERA.save(tmp_path / "camera.json")
+    output = tmp_path / name
+    if not output.exists():
+        output.write_text(NOTES)
+    before = attacks.digests(tmp_path)
+    arguments = [a.format(tmp_path) for a in argv]
+    run = subprocess.run(
+        [sys.executable, "-c", LIMITED, *arguments, "-o", output, "--overwrite"],
+        capture_output=True, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert run.returncode == 1 and len(run.stderr.splitlines()) == 1 and name in run.stderr, run.stderr
+    assert before.items() <= attacks.digests(tmp_path).items()
+
+
+CACHELESS = """
+import sys, tempfile
+def refuse(*_, **__): raise PermissionError(13, "Permission denied")
+tempfile.TemporaryFile = refuse  # by which numba finds out where it may write
+from lmmap.cli import main
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    "extra", [("--track", "--modality", "rgb"), ("--modality", "event", "--events", "500")]
+)
+def test_a_home_that_is_read_only_costs_caches_and_no_answer(tmp_path, extra):
+    write_recording(attack_sound.recording(np.random.default_rng(0)), tmp_path / "r.h5")
+    run = subprocess.run(
+        [sys.executable, "-c", CACHELESS, "estimate", tmp_path / "r.h5", *extra, "-o", tmp_path / "p.csv"],
+        capture_output=True, text=True, cwd=ROOT,
+        env={**os.environ, "HOME": "/proc", "XDG_CACHE_HOME": "/proc", "MPLCONFIGDIR": "/proc/none"},
+    )  # fmt: skip
+    assert run.returncode == 0 and len(run.stderr.splitlines()) <= 2, run.stderr
+    assert len((tmp_path / "p.csv").read_text().splitlines()) > 2
+
+
+def test_images_cost_no_memory_and_no_open_files():
+    """Few here; thousands by ``benchmarks/steady_memory.py`` alone."""
+    script = ROOT / "benchmarks" / "steady_memory.py"
+    run = subprocess.run([sys.executable, script, "120"], capture_output=True, text=True, timeout=400)
+    assert run.returncode == 0, run.stdout + run.stderr

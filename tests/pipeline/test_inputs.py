@@ -1,10 +1,13 @@
 """Every wrong image gets an answer that names the argument, what was expected, and what came."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 import lmmap
 from lmmap.pipeline.inputs import as_camera, check_image
+from lmmap.provenance import DATA
 from lmmap.types import Camera, InputError
 
 CAMERA = Camera.davis346()
@@ -74,3 +77,22 @@ def test_unknown_weights_name_those_that_ship():
 def test_the_estimator_checks_its_images():
     with pytest.raises(ValueError, match=r"^image: expected .* got \(260, 346, 3\) float64"):
         lmmap.Estimator()(FRAME / 255.0)
+
+
+@pytest.mark.parametrize("t_us", [2**63, 1e300, float("nan"), None, "0", [0]])
+def test_times_that_are_none(t_us):
+    """Of every estimator, and of a tracker."""
+    for estimator in (lmmap.Estimator(), lmmap.PrintedEstimator(), lmmap.Tracker(lmmap.Estimator())):
+        with pytest.raises(ValueError, match=r"t_us: expected .*, got "):
+            estimator(FRAME, t_us)
+
+
+def test_eight_threads_on_one_estimator_answer_as_one():
+    recording = lmmap.open_recording(DATA / "mini" / "test-low.aedat4")
+    estimator, frames = lmmap.Estimator(recording.camera), recording.frames[:2]
+    alone = [estimator(frame) for frame in frames]
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(estimator, [frames[k % 2] for k in range(16)]))
+    assert any(e.T_cam_port is not None for e in alone)
+    for k, e in enumerate(together):
+        assert repr(e) == repr(alone[k % 2])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -187,3 +189,11 @@ def test_an_empty_mask_knows_neither_yaw_nor_normal():
     fit = yaw.fast_yaw(np.zeros((260, 346), np.float32), candidates(pose((170, 120), 0.6, 0.5)), PORT, CAMERA)
     assert fit.margin == fit.yaw_margin == 0 < OURS.min_yaw_margin
     assert fit.sigma_rad == pytest.approx(PORT.yaw_period_rad / np.sqrt(12))
+
+
+@both
+@pytest.mark.parametrize("step", [0, 0.0, -1.0, 10.0, 1e-12, np.nan, np.inf, None, "1", [1.0]])
+def test_steps_that_are_none(find, step):
+    T = candidates(pose((170, 130), 0.5, 0.3, 0.0, 0.0))[:2]
+    with pytest.raises(ValueError, match=r"yaw_step_rad: expected a number from .*, got "):
+        find(np.ones(CAMERA.size_px[::-1], np.float32), T, PORT, CAMERA, replace(OURS, yaw_step_rad=step))

@@ -55,18 +55,23 @@ class Estimates:
         return found
 
 
-@pytest.fixture
-def quick(tmp_path, monkeypatch):
-    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", tmp_path)
-    monkeypatch.setattr(accuracy_run, "bench_recording", recorded)
-    monkeypatch.setattr(accuracy_tables, "DRAWS", 50)
+def put_made_up(folder, put):
+    """A study of made-up estimates into a folder; ``put`` is `setattr`, or that of a test."""
+    put(accuracy_run, "DERIVED_DATA", folder)
+    put(accuracy_run, "bench_recording", recorded)
+    put(accuracy_tables, "DRAWS", 50)
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
-    monkeypatch.setattr(
+    put(
         accuracy_run,
         "filter_quality",
         lambda recording, gaps: fit.merge(pd.Series(gaps, name="domain_gap"), how="cross"),
     )
+
+
+@pytest.fixture
+def quick(tmp_path, monkeypatch):
+    put_made_up(tmp_path, monkeypatch.setattr)
     return tmp_path / "quick"
 
 

@@ -303,21 +303,30 @@ def test_a_pose_whose_yaw_is_a_guess_is_an_answer_and_rings_do_not_go_on_with_it
     assert filter_.at(200_000).status == Status.OK
 
 
-@pytest.mark.parametrize("period", [0.0, 1e-9, -1.0, 7.0, np.nan, np.inf])
+@pytest.mark.parametrize("period", [0.0, 1e-9, -1.0, 7.0, np.nan, np.inf, None, "1", [1.0], True])
 def test_periods_that_are_none(period):
-    with pytest.raises(ValueError, match="yaw_period_rad: expected"):
+    with pytest.raises(ValueError, match=r"yaw_period_rad: expected .*, got "):
         list(fuse([], period))
 
 
-@pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("rate_hz", [0.0, 1e-300, -1.0, 1e300, np.nan, np.inf, "10", [10.0]])
 def test_rates_that_are_none(rate_hz):
-    with pytest.raises(ValueError, match="rate_hz: expected"):
+    with pytest.raises(ValueError, match=r"rate_hz: expected .*, got "):
         list(fuse([], PERIOD, rate_hz))
 
 
-def test_a_covariance_that_is_not_finite():
-    bad = Estimate(0, Status.OK, T0, covariance=np.full((6, 6), np.nan))
-    with pytest.raises(ValueError, match="finite covariance"):
+@pytest.mark.parametrize("t_us", [2**63, 1e300, np.nan, np.inf, None, "0"])
+def test_times_that_are_none(t_us):
+    with pytest.raises(ValueError, match=r"t_us: expected .*, got "):
+        list(fuse([("rgb", seen(t_us))], PERIOD))
+
+
+@pytest.mark.parametrize(
+    "covariance", [None, np.full((6, 6), np.nan), np.eye(5), -np.eye(6), np.zeros((6, 6)), "text", [1.0] * 6]
+)
+def test_covariances_that_are_none(covariance):
+    bad = Estimate(0, Status.OK, T0, covariance=covariance)
+    with pytest.raises(ValueError, match=r"estimates: expected .*, got "):
         list(fuse([("rgb", bad)], PERIOD))
 
 

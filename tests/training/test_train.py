@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import torch
+import toy_training
 from safetensors import safe_open
 from safetensors.torch import load_file
 
@@ -15,24 +16,11 @@ from lmmap.training import augment, dataset, train
 from lmmap.training.recipe import Recipe
 from lmmap.types import InputError
 
-SHAPE = (100, 104)
-
 
 @pytest.fixture
 def toy(tmp_path, monkeypatch, rng):
     """Ten sequences of two small images with a bright square as the ring."""
-    names = [f"augmented-{i}" for i in range(10)]
-    for name in names:
-        labels = np.zeros((2, *SHAPE), np.uint8)
-        row, column = rng.integers(20, 60, 2)
-        labels[:, row : row + 12, column : column + 12] = 3
-        counts = np.where(labels > 0, 7, rng.integers(0, 3, labels.shape))
-        events = np.full((2, 3 * counts[0].size), dataset.NO_EVENT, np.uint32)
-        for line, image in zip(events, counts, strict=True):
-            pixels = rng.permutation(np.repeat(np.arange(image.size), image.ravel()))
-            line[: len(pixels)] = pixels
-        arrays = dict(rgb=np.repeat(30 * counts[..., None], 3, -1).astype(np.uint8), rgb_labels=labels)
-        dataset.write_samples(tmp_path / name, {**arrays, "event": events, "event_labels": labels}, "toy")
+    names = toy_training.write_samples(tmp_path, rng)
     monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.DOMAIN_GAPS})
     monkeypatch.setattr(weights, "WEIGHTS", tmp_path)
     return tmp_path
@@ -83,9 +71,9 @@ def test_a_killed_run_ends_as_an_unbroken_one(toy, gap):
             path.unlink()
         if stop_at:
             _run(recipe, toy, stop_at)
-        card = train.train(recipe, toy, quiet).with_suffix(".json")
-        last = json.loads(card.read_text())["curve"][-1]
-        return last["loss"], last["iou"]
+        path = train.train(recipe, toy, quiet)
+        last = json.loads(path.with_suffix(".json").read_text())["curve"][-1]
+        return path.read_bytes(), last["loss"], last["iou"]
 
     assert final(stop_at=4) == final()
 
@@ -184,7 +172,7 @@ def test_learns_a_bright_square_and_says_how(toy, modality):
     assert card["bench"] == "toy"
     assert "step 40 of 40" in lines[-1]
     image = dataset.Samples(["augmented-4"], "ring", modality, toy).image(0)
-    assert weights.load_network(path, modality)(image).shape == SHAPE
+    assert weights.load_network(path, modality)(image).shape == toy_training.SHAPE
 
 
 def test_a_run_may_start_from_other_weights(toy):
