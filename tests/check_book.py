@@ -81,6 +81,11 @@ def test_images_have_alternative_texts(name):
     assert poor == []
 
 
+@every_page
+def test_a_fold_is_called_what_stands_on_it(name):
+    assert "<summary aria-label" not in (BOOK / name).read_text()
+
+
 class Figures(HTMLParser):
     """The captions of a page's figures, and the pictures of cells that are in no figure."""
 

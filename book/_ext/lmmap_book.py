@@ -90,6 +90,12 @@ def offer_notebook(app, pagename, templatename, context, doctree) -> None:
         context["ipynb_source"] = f"{pagename}.ipynb"
 
 
+def name_folds(app, pagename, templatename, context, doctree) -> None:
+    """Let screen readers hear what stands on a fold; myst-nb calls each of them "Toggle hidden content"."""
+    if "body" in context:
+        context["body"] = re.sub(r'<summary aria-label="[^"]*">', "<summary>", context["body"])
+
+
 def write_notebooks(app, exception) -> None:
     """Write the notebooks that pages offer: executed, with their numbers in the text."""
     executed = Path(app.outdir).parent / "jupyter_execute"
@@ -182,6 +188,7 @@ def setup(app):
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
     app.connect("build-finished", slim)
     app.connect("build-finished", keep_outputs)
+    app.connect("html-page-context", name_folds)
     app.connect("html-page-context", offer_notebook, priority=100)  # before the theme's menu
     app.connect("build-finished", write_notebooks, priority=900)  # after outputs are kept
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -18,6 +18,7 @@ kernelspec: {name: python3, display_name: Python 3}
 # One page
 
 ```{code-cell}
+:tags: [hide-input]
 import runpy
 
 print("It is", runpy.run_path("../lmmap/number.py")["NUMBER"])
@@ -69,6 +70,7 @@ def build(book, number: str) -> tuple[int, str]:
 def test_the_next_build_after_an_edit_shows_what_the_module_does_now(book):
     code, page = build(book, "1")
     assert code == 0 and "It is 1" in page, page
+    assert "<summary>" in page and "<summary " not in page  # a fold is called what stands on it
     code, page = build(book, "1 / 0")  # a stale page would say that it is 1, and a tolerant build succeed
     assert code != 0 and "ZeroDivisionError" in page, page
 
