@@ -44,7 +44,7 @@ class Constants:
     map_events: int = 300_000  # open: the most events of one map (EVO: two million)
     map_points: int = 400  # open: the fewest points of a map that is used
     map_retry_frames: int = 10  # open: frames until a map is tried again that had too few points
-    map_frames: int = 25  # EVO: a map every 100 000 events; open: that it is then due
+    map_frames: int = 0  # open: frames tracked on until a map is due (EVO goes on); 5 and 25 lost rooms
     map_baseline: float = 0.20  # open: of the mean depth; events seen from farther away are not used
 
     # tracking

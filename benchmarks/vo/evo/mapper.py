@@ -1,7 +1,8 @@
 """EVO's mapping beside its tracking: one map at a time, in a thread of its own.
 
 A map is handed over at the frame for which it is due: if it is ready before, it waits, and if not, tracking
-waits.  So the poses do not depend on how fast either thread was.
+waits.  So the poses do not depend on how fast either thread was.  With `Constants.map_frames` of 0 tracking
+always waits.
 """
 
 from __future__ import annotations

@@ -9,12 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-BITS = np.array([0, 16, 32, 48], np.uint64)  # where an integer's four fields begin
-FIELD, FULL = np.uint64(0xFFFF), np.uint64(0x8000_8000_8000_8000)
-_QUARTERS = np.arange(4, dtype=np.uint64)
-# of a vote, by its quarter of a pixel down and right: shares of the pixels here, right, below, below right
-SHARES = np.outer(4 - _QUARTERS + (_QUARTERS << BITS[2]), 4 - _QUARTERS + (_QUARTERS << BITS[1])).ravel()
-
 
 def inverse_depths(nearest: float, farthest: float, planes: int) -> np.ndarray:
     """Inverse depths of the DSI's planes, uniform, nearest plane first."""
@@ -60,37 +54,35 @@ def _slopes(slopes, x, y, rotation, K, packet):
 def _vote(dsi, slopes, centre, K, inverse_depth, packet):
     """With camera centre C and slope s, a ray crosses depth Z at X/Z = C_xy / Z + (1 - C_z / Z) s.
 
-    A vote lies at the nearest quarter of a pixel, and its bilinear shares are sixteenths.  The four of them
-    are fields of one integer, at the pixel above and left, so that a vote is one addition.  A pixel that has
-    2048 votes takes no more: so no field overflows.
+    First where a packet's rays cross, which the processor does for many at once, then their bilinear votes.
     """
     planes, height, width = dsi.shape
-    before, outside = width + 1, height * width + width + 1  # empty pixels in front, a bin at the end
-    sums = np.empty(outside + 1, np.uint64)
-    at, quarter = np.empty(packet, np.uint32), np.empty(packet, np.uint32)
-    right, bottom = np.float32(4 * (width - 1)), np.float32(4 * (height - 1))
+    outside, one, row = height * width, np.uint32(1), np.uint32(width)  # a bin behind the image
+    counts = np.empty(outside + width + 2, np.float32)
+    at, right, down = np.empty(packet, np.uint32), np.empty(packet, np.float32), np.empty(packet, np.float32)
+    last_u, last_v = np.float32(width - 1), np.float32(height - 1)
     for i in range(planes):
-        sums[:] = 0
+        counts[:] = 0
         for p in range(len(centre)):
             share = 1 - centre[p, 2] * inverse_depth[i]
             if share <= 0.05:
                 continue  # the plane is behind this camera, or almost
-            fu, fv = np.float32(4 * K[0, 0] * share), np.float32(4 * K[1, 1] * share)
-            cu = np.float32(4 * (K[0, 0] * centre[p, 0] * inverse_depth[i] + K[0, 2]) + 0.5)
-            cv = np.float32(4 * (K[1, 1] * centre[p, 1] * inverse_depth[i] + K[1, 2]) + 0.5)
+            fu, fv = np.float32(K[0, 0] * share), np.float32(K[1, 1] * share)
+            cu = np.float32(K[0, 0] * centre[p, 0] * inverse_depth[i] + K[0, 2])
+            cv = np.float32(K[1, 1] * centre[p, 1] * inverse_depth[i] + K[1, 2])
             first = p * packet
-            count = min(packet, slopes.shape[1] - first)
-            for k in range(count):
+            size = min(packet, slopes.shape[1] - first)
+            for k in range(size):
                 u, v = fu * slopes[0, first + k] + cu, fv * slopes[1, first + k] + cv
-                inside = (u >= 0) & (v >= 0) & (u < right) & (v < bottom)
+                inside = (u >= 0) & (v >= 0) & (u < last_u) & (v < last_v)
                 c, r = np.int32(u), np.int32(v)
-                at[k] = (r >> 2) * width + (c >> 2) + before if inside else outside
-                quarter[k] = ((r & 3) << 2) + (c & 3)
-            for k in range(count):
-                if not sums[at[k]] & FULL:
-                    sums[at[k]] += SHARES[quarter[k]]
-        plane = dsi[i].reshape(-1)
-        for k in range(height * width):
-            a, b = sums[k + before] & FIELD, (sums[k + before - 1] >> BITS[1]) & FIELD
-            c, d = (sums[k + before - width] >> BITS[2]) & FIELD, sums[k] >> BITS[3]
-            plane[k] = np.float32(0.0625) * np.float32(np.int32(a + b + c + d))
+                at[k] = r * width + c if inside else outside
+                right[k] = u - c if inside else np.float32(0)
+                down[k] = v - r if inside else np.float32(0)
+            for k in range(size):
+                a, b, n = right[k], down[k], at[k]
+                counts[n] += (1 - a) * (1 - b)
+                counts[n + one] += a * (1 - b)
+                counts[n + row] += (1 - a) * b
+                counts[n + row + one] += a * b
+        dsi[i].reshape(-1)[:] = counts[:outside]
