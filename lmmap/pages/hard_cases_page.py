@@ -7,7 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA
+from .drawings import COLOUR
 from .tables import CAMERAS, LIGHTS, WORDS
 
 
@@ -58,3 +60,35 @@ def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
         rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], text))
     columns = ["light", "median error", "better camera", "fused minus better"]
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
+
+
+def paper_success(case: str, modality: str) -> float:
+    """The paper's percentage of images with an ellipse in a hard case."""
+    reported = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
+    return float(
+        reported[(reported.condition == case) & reported.quantity.str.endswith(modality)].value.item()
+    )
+
+
+def crossing(x, y, level: float) -> float:
+    """Where a curve through ``x, y`` (N,), ``x`` rising, first falls to a level; NaN if it never does."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    below = np.flatnonzero(y <= level)
+    if not len(below) or below[0] == 0:
+        return np.nan
+    k = below[0]
+    share = (y[k - 1] - level) / (y[k - 1] - y[k])
+    return float(x[k - 1] + share * (x[k] - x[k - 1]))
+
+
+def draw_noise(ax, bench: pd.DataFrame, paper_percent: float) -> None:
+    """Success in slow motion against the noise of a pixel, our sensor and the paper's success as lines."""
+    for column, mark, label in (("ellipse_percent", "o", "ellipse"), ("right_percent", "s", "right pose")):
+        ax.plot(bench.background_hz, bench[column], f"{mark}-", color=COLOUR["event"], label=label, ms=5,
+                alpha=1.0 if mark == "o" else 0.6)  # fmt: skip
+    ours_hz = bench[bench.shot_hz == SensorSettings().shot_hz].background_hz.item()
+    ax.axvline(ours_hz, color=COLOUR["ink"], lw=1, label="our sensor")
+    ax.axhline(paper_percent, color=COLOUR["paper"], ls="--", lw=1.3, label="the paper's ellipses")
+    ax.set(xlabel="noise (events per second and pixel)", ylabel="histograms (%)")
+    ax.set_xscale("symlog", linthresh=0.1)
+    ax.legend(fontsize=8)
