@@ -71,7 +71,7 @@ class BetweenSettings:
 class Settings(PaperSettings):
     """The paper's numbers, and every other number that our pipeline is free to choose."""
 
-    weights: str = "low"  # default set of networks: `robust` ones are wrong in more bright event images
+    weights: str = "robust"  # default set of networks; tuning/wrong_poses.py compares it with `low`
 
     # images of other lenses
     trained_focal_px: float = 324.0  # of the bench's camera, on which the networks were trained
@@ -93,7 +93,7 @@ class Settings(PaperSettings):
     ransac_refits: int = 10  # of 500 hypotheses about as many have five inliers at 55 % outliers
     min_axis_ratio: float = 0.25  # 75 deg of tilt: beyond, plate and petals hide the far half of the ring
     min_semi_major_px: float = 12.0  # at most 2.2 m: beyond, the ring's stroke is a pixel or two wide
-    local_search: bool = False  # try `local_search` where points from anywhere give no ellipse
+    local_search: bool = True  # try `local_search` where points from anywhere give no ellipse
     min_contrast: float = 0.3  # of the mask along an ellipse to that beside it; rings have 0.45 to 1
     min_arc_coverage: float = 0.5  # with less, the ellipse's size and tilt are guesses (book: ellipses)
 
@@ -108,7 +108,7 @@ class Settings(PaperSettings):
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
     # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
     # `outline.support`; tuning/fit_yaw.py
-    yaw_weights: PerCamera = PerCamera(rgb=(11.56, 9.66, 10.89, 4.16), event=(24.74, 16.37, 4.38, 3.63))
+    yaw_weights: PerCamera = PerCamera(rgb=(13.73, 11.93, 12.37, 5.21), event=(33.45, 20.81, 3.62, 4.04))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 
@@ -134,7 +134,7 @@ class Settings(PaperSettings):
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.61, event=2.12)  # of a pose's refined on the image's edges
+    edge_inflation: PerCamera = PerCamera(rgb=1.95, event=1.79)  # of a pose's refined on the image's edges
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
@@ -142,8 +142,8 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (-8.495, -1.556, -23.352, 3.544, 0.548)  # of position and normal
-    confidence_yaw: tuple[float, ...] = (-3.458, 0.47, -0.415, 6.187)  # that the yaw is right, if they are
+    confidence_ring: tuple[float, ...] = (-6.763, -1.384, -15.33, 1.213, 0.589)  # of position and normal
+    confidence_yaw: tuple[float, ...] = (-3.127, 0.4, -0.262, 6.825)  # that the yaw is right, if they are
     min_confidence: float = 0.83  # below, the status is `UNSURE` and there is no pose
 
     # tracking, image by image

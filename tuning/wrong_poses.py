@@ -64,7 +64,7 @@ SETS = {  # light by name of sequence
 SEQUENCES = [name for names in SETS.values() for name in names]
 LIGHT = {name: light for names in SETS.values() for name, light in names.items()}
 ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}
-WEIGHTS = {place: ("low", "robust") if place.startswith("other") else ("low",) for place in SETS}
+WEIGHTS = {place: ("low", "robust") for place in SETS}
 ESTIMATORS = {
     "every pose": replace(OURS, min_confidence=0.0),
     "confident poses": OURS,

@@ -9,7 +9,7 @@ import os
 FILTERS = ("ring", "reflector")
 MODALITIES = ("rgb", "event")
 DOMAIN_GAPS = ("high", "low", "robust")
-DEFAULT_WEIGHTS = "low"
+DEFAULT_WEIGHTS = "robust"
 PROFILES = ("quick", "paper")
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 SHELLS = ("bash", "zsh", "tcsh")
