@@ -7,7 +7,16 @@ from __future__ import annotations
 
 import argparse
 
-from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, MODALITIES, PROFILES, SHELLS, WRITTEN, profile
+from .choices import (
+    DEFAULT_WEIGHTS,
+    DOMAIN_GAPS,
+    MODALITIES,
+    PAPER_WEIGHTS,
+    PROFILES,
+    SHELLS,
+    WRITTEN,
+    profile,
+)
 from .commands import Commands
 from .study_arguments import add_authors, add_studies
 
@@ -198,8 +207,7 @@ def _add_estimation(commands: Commands, command, required: bool, fused: bool = F
     command.add_argument(
         "--domain-gap",
         choices=DOMAIN_GAPS,
-        default=DEFAULT_WEIGHTS,
-        help=f"set of mask networks (default: {DEFAULT_WEIGHTS}, as in Python)",
+        help=f"set of mask networks (default: {DEFAULT_WEIGHTS}, as in Python; --as-printed: {PAPER_WEIGHTS})",
     )
     command.add_argument(
         "--weights", metavar="FOLDER", help="mask networks of your own, in files named as those of lmmap"

@@ -9,7 +9,7 @@ import os
 FILTERS = ("ring", "reflector")
 MODALITIES = ("rgb", "event")
 DOMAIN_GAPS = ("high", "low", "robust")
-DEFAULT_WEIGHTS = "robust"
+DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
 PROFILES = ("quick", "paper")
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 SHELLS = ("bash", "zsh", "tcsh")

@@ -22,7 +22,7 @@ from ..studies import pose_errors
 from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker, track_images
 from ..types import Estimate, InputError, Status
-from .inputs import input_files, make_estimator, no_images, open_input
+from .inputs import input_files, make_estimator, network_set, no_images, open_input
 from .progress import Bar, summary
 
 
@@ -127,7 +127,7 @@ def _made_of(a, modality: str, estimators: list) -> dict:
     first = estimators[0]
     weights = {}
     for e in estimators:
-        paths = [weight_path(f, e.modality, "low" if a.weights else a.domain_gap) for f in FILTERS]
+        paths = [weight_path(f, e.modality, "low" if a.weights else network_set(a)) for f in FILTERS]
         for path in [Path(a.weights) / p.name if a.weights else p for p in paths]:
             weights[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return {

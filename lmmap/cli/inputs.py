@@ -13,6 +13,7 @@ from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
 from ..rig import rig
 from ..types import Camera, InputError, Port
+from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 
 
 def open_input(a, **options) -> Stream:
@@ -30,6 +31,11 @@ def input_files(a) -> list[Path]:
     return [path for path in (recording, *sidecars, *named, *getattr(a, "bags", ())) if path]
 
 
+def network_set(a) -> str:
+    """The set of networks that was asked for, or the default: for the paper's own procedure the paper's."""
+    return a.domain_gap or (PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS)
+
+
 def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstimator:
     """The estimator of one camera by the command line's arguments."""
     if a.rate is not None and not 0 < a.rate < 1e4:
@@ -38,7 +44,7 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstim
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
     settings = settings_for(camera, a.events)
     estimator = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
-    return estimator(camera, find_port(a), modality, a.weights or a.domain_gap, settings)
+    return estimator(camera, find_port(a), modality, a.weights or network_set(a), settings)
 
 
 def find_port(a) -> Port:

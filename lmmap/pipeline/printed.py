@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.projection import undistort_points
-from ..settings import OURS, PAPER, PaperSettings, Settings
+from ..settings import PAPER, PaperSettings, Settings
 from ..types import Ellipse, Estimate, Port, Pose, Status
 from . import circle, ellipse, yaw
 from .image_estimator import ImageEstimator, Weights, settings_for
@@ -52,7 +52,7 @@ class PrintedEstimator(ImageEstimator):
         camera: AnyCamera = None,
         port: Port | None = None,
         modality: str = "rgb",
-        weights: Weights = OURS.weights,
+        weights: Weights = "low",
         settings: Settings | None = None,
         precision: str = "auto",
         *,

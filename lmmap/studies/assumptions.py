@@ -44,7 +44,7 @@ def variants(assumed: Assumptions | None = None) -> list[tuple[str, str, Assumpt
 
 def estimates(recording: Recording, modality: str, every: int = EVERY) -> Iterable[list[Estimate]]:
     """Estimates of every fourth image by each of `variants`; the networks look once at an image."""
-    first = PrintedEstimator(recording.camera, modality=modality, weights="low")
+    first = PrintedEstimator(recording.camera, modality=modality)
     masks = Remembered(first.ring_network), first.reflector_network
     estimators = [
         PrintedEstimator(recording.camera, modality=modality, weights=masks, assumptions=changed)

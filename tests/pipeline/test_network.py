@@ -28,6 +28,7 @@ from lmmap.pipeline.weights import (
 )
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
+from lmmap.training import dataset
 from lmmap.types import InputError
 
 
@@ -191,7 +192,7 @@ def test_shipped_weights_load_and_say_how_they_were_made(path):
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])
     kinds = {s.split("-")[0] for s in card["training_sequences"] + card["validation_sequences"]}
-    assert kinds == ({"augmented"} if gap == "high" else {"augmented", "realistic"})
+    assert kinds == {name.split("-")[0] for name in dataset.SETS[gap]}
 
 
 def test_crop_margins_follow_the_networks_stride_and_reach():
