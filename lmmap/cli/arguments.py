@@ -207,7 +207,7 @@ def _add_estimation(commands: Commands, command, required: bool, fused: bool = F
     command.add_argument(
         "--domain-gap",
         choices=DOMAIN_GAPS,
-        help=f"set of mask networks (default: {DEFAULT_WEIGHTS}, as in Python; --as-printed: {PAPER_WEIGHTS})",
+        help=f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)",
     )
     command.add_argument(
         "--weights", metavar="FOLDER", help="mask networks of your own, in files named as those of lmmap"

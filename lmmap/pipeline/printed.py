@@ -40,7 +40,8 @@ class PrintedEstimator(ImageEstimator):
     Parameters
     ----------
     camera, port, modality, weights, settings, precision
-        As `Estimator`; of the settings only the number of events counts.
+        As `Estimator`, but by default with the networks trained as the paper's, the set ``low``.  Of the
+        settings only the number of events counts.
     assumptions
         What the text leaves open.
     paper
