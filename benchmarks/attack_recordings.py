@@ -69,15 +69,21 @@ class Answer(NamedTuple):
         return f"{self.seconds:.1f} s" if self.seconds > MOST_S else ""
 
 
+def resident_bytes() -> int:
+    """Memory of this process that is in use now."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
 def answer(argv: list[str]) -> Answer:
     """Run ``lmmap`` in a forked process under limits."""
     sys.stdout.flush()
     with tempfile.TemporaryFile() as err:
-        idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        told, tell = os.pipe()
         child = os.fork()
         if not child:
             code = 99
             try:
+                os.write(tell, resident_bytes().to_bytes(8, "big"))  # a child holds a part of its parent's
                 os.setsid()
                 silent = os.open(os.devnull, os.O_RDWR)
                 for stream, target in ((0, silent), (1, silent), (2, err.fileno())):
@@ -107,6 +113,8 @@ def answer(argv: list[str]) -> Answer:
                 os.killpg(child, signal.SIGKILL)
             os.close(ended)
         _, status, used = os.wait4(child, 0)
+        idle = int.from_bytes(os.read(told, 8), "big")
+        os.close(told), os.close(tell)
         err.seek(0)
         text = err.read().decode(errors="replace")
     bytes_above = max(0, used.ru_maxrss * 1024 - idle)

@@ -51,8 +51,8 @@ class Tiled:
 
 READ = """
 import json, os, resource, sys, time
-from lmmap.events import histogram, windows_of
-from lmmap.recordings import open_stream
+from lmmap.pipeline.histograms import histogram, windows_of
+from lmmap.recordings.formats import open_stream
 start = time.perf_counter()
 stream = open_stream(sys.argv[1])
 sums = [int(histogram(w["x"], w["y"], stream.camera.size_px).sum()) for w in windows_of(stream.chunks())]
@@ -63,7 +63,7 @@ print(json.dumps(dict(events=sum(sums), seconds=seconds, cpu_s=cpu, peak_gb=peak
 """
 MAIN = """
 import json, resource, sys, time
-from lmmap import cli
+from lmmap.cli import main as cli
 start = time.perf_counter()
 code = cli.main(sys.argv[1:])
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
