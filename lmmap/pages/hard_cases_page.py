@@ -12,6 +12,8 @@ from ..provenance import DATA
 from .drawings import COLOUR
 from .tables import CAMERAS, LIGHTS, WORDS
 
+NOISE_HZ = (0.1, 0.2, 0.5, 1, 2, 5)  # marks of the axis
+
 
 def hard_case_table(counts: pd.DataFrame, cases: Mapping[str, str]):
     """Success in percent and median errors, styled.
@@ -90,5 +92,7 @@ def draw_noise(ax, bench: pd.DataFrame, paper_percent: float) -> None:
     ax.axvline(ours_hz, color=COLOUR["ink"], lw=1, label="our sensor")
     ax.axhline(paper_percent, color=COLOUR["paper"], ls="--", lw=1.3, label="the paper's ellipses")
     ax.set(xlabel="noise (events per second and pixel)", ylabel="histograms (%)")
-    ax.set_xscale("symlog", linthresh=0.1)
+    ax.set_xscale("log")
+    ax.set_xticks(NOISE_HZ, [f"{hz:g}" for hz in NOISE_HZ], minor=False)
+    ax.set_xticks([], minor=True)
     ax.legend(fontsize=8)
