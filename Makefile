@@ -85,13 +85,8 @@ check-book: $(ORACLES)  ## look at the built book in a browser: every page, narr
 	@test -f _build/html/index.html || { echo "check-book: no book yet; make book first"; exit 1; }
 	@$(BIN)/python -m pytest -q -rs tests/check_book.py
 
-pdf: env  ## print the book: _build/pdf/lmmap.pdf (needs latexmk and xelatex)
-	@command -v latexmk >/dev/null && command -v xelatex >/dev/null || { \
-	  echo "pdf: no LaTeX here; on Debian: apt-get install latexmk texlive-xetex texlive-latex-extra fonts-freefont-otf xindy"; exit 1; }
-	@$(MAKE) --no-print-directory book
-	@$(BIN)/jupyter-book build . --builder pdflatex --quiet
-	@mkdir -p _build/pdf && cp _build/latex/lmmap.pdf _build/pdf/
-	@echo "pdf: _build/pdf/lmmap.pdf"
+pdf: book  ## print the book: _build/pdf/lmmap.pdf (needs Chromium)
+	@$(BIN)/python book/_ext/lmmap_print.py
 
 serve: book  ## show the book on http://localhost:8000
 	@echo "serve: http://localhost:$(PORT) (Ctrl-C ends it)"

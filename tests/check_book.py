@@ -174,20 +174,40 @@ def test_search_finds_the_ellipse(page, site):
     page.wait_for("document.querySelector('#search-results a[href*=\"ellipses.html\"]')?.textContent")
 
 
+@in_browser
+@pytest.mark.parametrize("words", ["histogram", "ellipse", "covariance", "yaw", "estimate"])
+def test_search_finds_chapters_before_modules(page, site, words):
+    page.show_as(1280)
+    page.open(site + f"search.html?q={words}")
+    page.wait_for("document.querySelectorAll('#search-results li').length > 10")
+    page.ask("new Promise(done => setTimeout(done, 1500))")
+    links = "[...document.querySelectorAll('#search-results li > a')].map(a => a.pathname.includes('/api'))"
+    of_modules = page.ask(links)
+    assert of_modules == sorted(of_modules) and not of_modules[0]
+
+
 def figures_that_move():
-    return [name for page, name in NAMES.items() if "Plotly.newPlot" in page.read_text()]
+    return [name for page, name in NAMES.items() if 'class="steps"' in page.read_text()]
 
 
 @in_browser
-def test_every_interactive_figure_answers_its_slider(page, site):
-    assert figures_that_move()
+def test_every_slider_has_a_name_and_answers_keys(page, site):
+    assert len(figures_that_move()) >= 4
     for name in figures_that_move():
-        page.show_as(1280, 1000)
+        page.show_as(390, 900)
         page.open(site + name)
-        count = page.wait_for("document.querySelectorAll('.js-plotly-plot .slider-group').length")
-        for k in range(count):
-            before, after = (move_slider(page, k, share) for share in (0.1, 0.9))
-            assert before != after, f"{name}: slider {k} moves nothing"
+        shown = "document.querySelector('.steps .step:not([hidden])').dataset.label"
+        page.ask("document.querySelector('.steps input').focus()")
+        first = page.ask(shown)
+        for key, code in (("Home", 36), ("ArrowRight", 39)):
+            for kind in ("keyDown", "keyUp"):
+                page.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+        steps = page.ask("[...document.querySelectorAll('.steps .step')].map(step => step.dataset.label)")
+        said = page.ask("document.querySelector('.steps input').getAttribute('aria-valuetext')")
+        assert (
+            page.ask(shown) == said == steps[1] == page.ask("document.querySelector('.steps output').value")
+        )
+        assert first in steps and page.ask("document.querySelector('.steps input').labels.length") == 1
 
 
 RING_LAB = {"tilt_deg": 35, "toward_deg": 20, "distance_m": 0.4, "u_px": 120, "v_px": 90, "lens_mm": 6,
@@ -241,15 +261,3 @@ def test_the_interactive_ring_answers_keys_and_touch(page, site):
         points = [] if shift is None else [{"x": x + shift, "y": y}]
         page.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
     assert len({first, second, page.ask(said)}) == 3
-
-
-def move_slider(page, number: int, share: float) -> str:
-    """What a figure draws once its slider was clicked at this share of its length."""
-    slider = f"document.querySelectorAll('.js-plotly-plot .slider-group')[{number}]"
-    page.ask(f"{slider}.closest('.js-plotly-plot').scrollIntoView({{block: 'center', behavior: 'instant'}})")
-    page.ask("new Promise(done => setTimeout(done, 400))")
-    box = page.ask(f"{slider}.querySelector('.slider-rail-touch-rect').getBoundingClientRect().toJSON()")
-    page.click(box["left"] + share * box["width"], box["top"] + box["height"] / 2)
-    page.ask("new Promise(done => setTimeout(done, 400))")
-    drawn = f"{slider}.closest('.js-plotly-plot')"
-    return page.ask(f"JSON.stringify([{drawn}.data, {drawn}.layout.title])")

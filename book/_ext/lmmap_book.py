@@ -10,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import nbformat
-import plotly
 from docutils import nodes
 from jupyter_cache import get_cache
+from lmmap_icons import slim
 from lmmap_notebooks import known_numbers, readable
 from lmmap_sources import sources
 from PIL import Image
@@ -43,6 +43,11 @@ def name_style(app, config) -> None:
     config.html_context = {**config.html_context, "style": digest[:16]}
 
 
+def order_search(app, config) -> None:
+    """Let the search list chapters before modules; Sphinx would look for the file where it was started."""
+    config.html_search_scorer = str(Path(__file__).with_name("lmmap_scorer.js"))
+
+
 def name_build(app) -> None:
     """Leave packages' folders out of Sphinx's note of what made the pages, so that pages are equal."""
     if app.builder.format == "html":
@@ -54,41 +59,19 @@ def name_build(app) -> None:
             setattr(app.config, name, folders)
 
 
-def needs_plotly(doctree) -> bool:
-    """Whether a page draws an interactive figure."""
-    return doctree is not None and "Plotly.newPlot" in "".join(
-        node.astext() for node in doctree.findall() if node.tagname == "raw"
-    )
-
-
-def load_plotly(app, pagename, templatename, context, doctree) -> None:
-    """Load plotly.js, in the head, on pages that draw with it."""
-    if needs_plotly(doctree):
-        app.add_js_file("plotly.min.js")
+def has_slider(node) -> bool:
+    """Whether a cell's output is a figure with a slider."""
+    return any('class="steps"' in raw.astext() for raw in node.findall(nodes.raw))
 
 
 def prepare_static(app) -> None:
-    """Ship the plotly.js of the installed wheel with the pages.
+    """Remove myst-nb's style sheet of an earlier build.
 
-    Pages name static files by checksum if they are there: so plotly.js must be there from the start, and
-    myst-nb's style sheet, which comes last, must not be left from an earlier build.
+    Pages name static files by checksum if they are there, and this one comes last.
     """
     if app.builder.format == "html":
-        static = Path(app.outdir) / "_static"
-        static.mkdir(parents=True, exist_ok=True)
-        for old in static.glob("mystnb.*.css"):
+        for old in (Path(app.outdir) / "_static").glob("mystnb.*.css"):
             old.unlink()
-        shutil.copy(Path(plotly.__file__).parent / "package_data" / "plotly.min.js", static)
-
-
-def drop_preloads(app, exception) -> None:
-    """Remove the theme's hints to fetch fonts early, which browsers refuse on a page opened as a file."""
-    if exception is None and app.builder.format == "html":
-        for page in Path(app.outdir).rglob("*.html"):
-            text = page.read_text()
-            rest = re.sub(r'\s*<link rel="preload" as="font"[^>]*>', "", text)
-            if rest != text:
-                page.write_text(rest)
 
 
 def keep_outputs(app, exception) -> None:
@@ -137,7 +120,7 @@ def describe_figures(app, doctree) -> None:
             if not image.get("alt"):
                 image["alt"] = said.get("Description", "")
             image["classes"].append(said.get("Comment", "picture"))
-        if (images or needs_plotly(cell)) and sources_by_cell[cell["cell_index"]]:
+        if (images or has_slider(cell)) and sources_by_cell[cell["cell_index"]]:
             cell += source_line(sources_by_cell[cell["cell_index"]])
 
 
@@ -197,13 +180,13 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
+    app.connect("config-inited", order_search)
     app.connect("source-read", list_modules)
-    app.connect("html-page-context", load_plotly)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
-    app.connect("build-finished", drop_preloads)
+    app.connect("build-finished", slim)
     app.connect("build-finished", keep_outputs)
     app.connect("html-page-context", name_folds)
     app.connect("html-page-context", offer_notebook, priority=100)  # before the theme's menu

@@ -113,7 +113,7 @@ def _add_recordings(commands: Commands) -> None:
     command.add_argument(
         "--format",
         choices=("csv", "tum"),
-        help="of the poses (default: tum if the name ends in .tum, else csv)",
+        help="format of the poses (default: tum if the name ends in .tum, else csv)",
     )
     commands.add_file(
         command, "--video", help="overlay to write, .mp4 or .avi; takes two or three times as long"
@@ -121,7 +121,7 @@ def _add_recordings(commands: Commands) -> None:
     command.add_argument(
         "--track",
         action="store_true",
-        help="look where the images before predict the port, one after another",
+        help="look only where earlier images predict the port",
     )
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
@@ -134,10 +134,10 @@ def _add_recordings(commands: Commands) -> None:
     )
     commands.add_recording(command)
     commands.add_file(command, "poses", metavar=None, help="CSV that lmmap estimate wrote")
-    command.add_argument("--modality", choices=MODALITIES, required=True, help="as it was estimated with")
-    commands.add_file(command, "--port", help="as it was estimated with")
-    command.add_argument("--rate", type=float, metavar="HZ", help="as it was estimated with")
-    command.add_argument("--events", type=int, metavar="N", help="as it was estimated with")
+    command.add_argument("--modality", choices=MODALITIES, required=True, help="the estimate's own")
+    commands.add_file(command, "--port", help="the estimate's own")
+    command.add_argument("--rate", type=float, metavar="HZ", help="the estimate's own")
+    command.add_argument("--events", type=int, metavar="N", help="the estimate's own")
     commands.add_output(command, "video to write: .mp4, which browsers play, or .avi", required=True)
 
     command = commands.add(
@@ -152,7 +152,7 @@ def _add_recordings(commands: Commands) -> None:
     command.add_argument(
         "--as-printed",
         action="store_true",
-        help="estimate by the paper's text and nothing else, each camera alone",
+        help="run the procedure of the paper's text, each camera alone",
     )
     command.add_argument("--json", action="store_true", help="print JSON")
 

@@ -27,11 +27,9 @@ def add_studies(commands: Commands) -> None:
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
     command.add_argument("--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: none)")
     command.add_argument(
-        "--restart", type=int, nargs="+", metavar="STEP", help="steps at which the learning rate starts anew"
+        "--restart", type=int, nargs="+", metavar="STEP", help="steps at which the learning rate starts again"
     )
-    command.add_argument(
-        "--go-on", action="store_true", help="begin with the weights there, which end at a restart"
-    )
+    command.add_argument("--go-on", action="store_true", help="continue from weights that end at a restart")
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
     command = commands.add("reproduce", "lmmap.cli.bench:reproduce", "regenerate every result of the book")
@@ -41,13 +39,15 @@ def add_studies(commands: Commands) -> None:
     command.add_argument(
         "--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile"
     )
-    command.add_argument("--go-on", action="store_true", help="keep a sequence's packed results if they hold")
+    command.add_argument(
+        "--go-on", action="store_true", help="keep a sequence's packed results where they are still valid"
+    )
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
     command = commands.add(
         "check", "lmmap.cli.bench:check", "compare results and pages with the committed ones"
     )
-    command.add_argument("--update", action="store_true", help="make them the reference instead")
+    command.add_argument("--update", action="store_true", help="make the present ones the reference")
 
     odometry = commands.add("odometry", "", "exchange recordings and trajectories with other odometries")
     actions = odometry.add_subparsers(required=True, metavar="ACTION")
@@ -85,7 +85,13 @@ def add_authors(commands: Commands) -> None:
     command.add_argument("--json", action="store_true", help="print JSON")
     text = "find the port on the arm, the ring's radius and the camera from bags as published"
     command = commands.add("calibrate", "lmmap.cli.authors:calibrate", text, CALIBRATE)
-    commands.add_file(command, "bags", nargs="+", metavar="BAG", help="not one that you will test on")
+    commands.add_file(
+        command,
+        "bags",
+        nargs="+",
+        metavar="BAG",
+        help="bags to calibrate from; not one that you will test on",
+    )
     command.add_argument("--modality", choices=MODALITIES, default="rgb", help="default: rgb")
     command.add_argument(
         "--rate", type=float, default=5.0, metavar="HZ", help="detections a second (default: 5)"

@@ -141,10 +141,18 @@ def claims_table(claims: pd.DataFrame):
     """`claims.claims`, styled: each rule in small letters under its claim, numbers under each verdict; the
     verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
-    columns = {"claim": claims.claim + "<br><small>" + reasons + "</small>", "paper": claims.paper}
+    columns = {
+        "claim": plain_claims(claims.claim) + "<br><small>" + reasons + "</small>",
+        "paper": claims.paper,
+    }
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"]
         numbers = claims[estimator].where(claims[estimator] != NOT_RUN, "")
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
     return sentence_table(pd.DataFrame(columns))
+
+
+def plain_claims(claims: pd.Series) -> pd.Series:
+    """Claims as sentences; the results' files write ``a | b`` and ``a; b`` for lists."""
+    return claims.str.replace(" | ", " and ").str.replace("; ", ", ")

@@ -73,7 +73,7 @@ def draw_meridian(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
     ax.annotate("camera", (0, 0), (0.004, 0.03), fontsize=9)
     half_m = 1.3 * np.abs(ends_m[:, 1]).max()
     ax.set(aspect="equal", xlabel="depth (m)", ylabel="y (m)", xlim=(-0.02, far_m), ylim=(half_m, -half_m))
-    ax.legend(loc="lower left", fontsize=8)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=9)
 
 
 def draw_centres(ax, truth: Pose, radius_m: float, camera: Camera) -> None:

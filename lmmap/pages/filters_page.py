@@ -16,6 +16,7 @@ from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Port, Pose
 from .drawings import COLOUR, show_image
 from .sliders import Step
+from .tables import CAMERAS
 
 FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)", "stray": "astray", "missed": "missed"}
 
@@ -101,8 +102,9 @@ def draw_masks(axes, pictures, networks, port: Port) -> None:
 
 def filter_table(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
     """`mask_quality.medians` by light, styled: a row per filter, a column per measure of fit and light."""
-    renamed = table.rename(columns={**FITS, "domain_gap": "domain gap"})
-    rows = ["domain gap", "filter", "modality"]
+    words = {"modality": CAMERAS, "filter": {"reflector": "markers"}}
+    renamed = table.replace(words).rename(columns={**FITS, "domain_gap": "domain gap", "modality": "camera"})
+    rows = ["domain gap", "filter", "camera"]
     wide = renamed.pivot_table([FITS[fit] for fit in fits], rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import matplotlib.pyplot as plt
+import numpy as np
 
 from ..pipeline.estimator import Estimator
 from ..pipeline.run import images
-from ..types import Recording
+from ..types import Camera, Ellipse, Recording
 from .drawings import COLOUR, draw_ellipse, draw_estimate, show_image
 
+AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 # what a step does, what it gives, and its colour: see `draw_flow`
 FLOW = (
     ("frame, or\n35 000 events", "image", "ink"), ("ring filter\n(CNN)", "mask", "event"),
@@ -33,7 +35,7 @@ def draw_flow(ax) -> None:
 
 
 def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
-    """Draw image, ring mask with its ellipse, marker mask and pose, a row per modality.
+    """Draw image, ring mask with its ellipse, marker mask and pose, a row per modality, around the ring.
 
     Returns
     -------
@@ -55,4 +57,15 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
             show_image(row[2], markers, "reflector filter")
         draw_estimate(row[3], image, answer, estimator.port, recording.camera)
         row[3].set_title("pose")
+        if answer.ellipse is not None:
+            _look_at(row, answer.ellipse, recording.camera)
     return fig, answers
+
+
+def _look_at(axes, ellipse: Ellipse, camera: Camera) -> None:
+    """Let axes show the part of the image around an ellipse."""
+    tall = min(AROUND * ellipse.semi_axes_px[0], camera.height_px)
+    wide = min(4 / 3 * tall, camera.width_px)
+    left, top = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
+    for ax in axes:
+        ax.set(xlim=(left - 0.5, left + wide - 0.5), ylim=(top + tall - 0.5, top - 0.5))

@@ -104,7 +104,7 @@ def _chapter_items(path: Path) -> dict[str, dict]:
     pages = ["".join(data.get("text/html", "")) for data in outputs]
     for k, png in enumerate(pictures, 1):
         items[f"{path.stem}, figure {k}"] = _item(png, {"ink": ink(png)})
-    for k, html in enumerate((page for page in pages if "Plotly" in page), 1):
+    for k, html in enumerate((page for page in pages if 'class="steps"' in page), 1):
         numbers = pd.DataFrame({"numbers": [float(n) for n in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", html)]})
         items[f"{path.stem}, interactive figure {k}"] = _item(html.encode(), table_numbers(numbers))
     return items

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 
 from ..pipeline.network import CHANNELS
 from ..pipeline.rescale import trained_range_m
-from ..pipeline.weights import FILTERS, load_card, weight_path
+from ..pipeline.run import images
+from ..pipeline.weights import FILTERS, load_card, load_network, weight_path
 from ..provenance import DATA
 from ..settings import OURS
-from ..types import Camera, Port
+from ..training import mask_quality
+from ..types import Camera, Port, Recording
+from . import filters_page
 from .tables import CAMERAS
 
+NETWORKS = {"ring": "ring", "reflector": "markers"}
 LENSES = {  # for the range of distances
     "DAVIS 346, 6 mm": Camera.davis346(),
     "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
@@ -28,7 +34,8 @@ def training(domain_gap: str) -> pd.DataFrame:
             card = load_card(path)
             kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
             rows.append({
-                "network": f"{name}, {CAMERAS[modality]}", "training sequences": " and ".join(kinds),
+                "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
+                "training sequences": " and ".join(kinds),
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
                 "begun from": card["recipe"]["start_from"] or "chance",
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
@@ -46,6 +53,39 @@ def tests(domain_gap: str) -> pd.DataFrame:
         "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
         "no pose (%)": chosen.none_percent, "images": chosen.images,
     })  # fmt: skip
+
+
+def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:
+    """Of a recording with truth, each camera's image whose ring mask by a set overlaps least with the truth.
+
+    Parameters
+    ----------
+    most
+        So many images of each camera are looked at, spread evenly over those with the ring in view.
+
+    Returns
+    -------
+    For each camera ``(title, modality, image, true pose)``, as `filters_page.draw_masks` takes them.
+    """
+    quality = mask_quality.filter_quality(recording, (domain_gap,), most=most).query("filter == 'ring'")
+    pictures = []
+    for modality, rows in quality.groupby("modality", sort=False):
+        worst = rows.loc[rows.iou.idxmin()]
+        image = next(image for t_us, image in images(recording, modality) if t_us == worst.t_us)
+        title = f"{CAMERAS[modality]}, IoU {worst.iou:.2f}"
+        pictures.append((title, modality, image, recording.truth.at(np.array([worst.t_us], np.int64))[0]))
+    return pictures
+
+
+def draw_failures(domain_gap: str, recording: Recording, most: int = 10):
+    """Figure of the `worst_masks` of a set: each image, and beside it what its masks have wrong."""
+    networks = {
+        (name, m): load_network(weight_path(name, m, domain_gap), m) for name in FILTERS for m in CHANNELS
+    }
+    pictures = worst_masks(domain_gap, recording, most)
+    fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
+    filters_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
+    return fig
 
 
 def ranges() -> pd.DataFrame:

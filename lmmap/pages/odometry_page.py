@@ -6,8 +6,8 @@ import numpy as np
 
 from .drawings import COLOUR
 
-METHOD_COLOUR = {"EVO event": "#8C6D46", "ORB-SLAM3 event": "#E69F00", "ORB-SLAM3 rgb": "#56B4E9",
-                 "lmmap event": COLOUR["event"], "lmmap rgb": COLOUR["rgb"], "SVO event": "#CC79A7",
+METHOD_COLOUR = {"EVO event": "#777777", "ORB-SLAM3 event": COLOUR["rival"], "ORB-SLAM3 rgb": COLOUR["ours"],
+                 "lmmap event": COLOUR["event"], "lmmap rgb": COLOUR["rgb"], "SVO event": COLOUR["paper"],
                  "SVO rgb": "#009E73"}  # fmt: skip
 
 

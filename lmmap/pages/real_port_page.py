@@ -76,3 +76,40 @@ def _said(row) -> str:
     if not row.ring_right:
         return "a wrong ring"
     return f"ring, {row.centre_px:.1f} px off" + (", pose" if row.pose_plausible else "")
+
+
+def draw_chain(ax) -> None:
+    """Camera, the arm's base and flange, and the port, with the transform that leads from each to the next.
+
+    Solid arrows are known when a bag is read, and dashed ones are not.
+    """
+    places = {"camera": (0.4, 1.9), "arm's base": (3.1, 0.3), "flange": (6.3, 1.1), "port": (7.9, 2.2)}
+    arm = np.array([places["arm's base"], (3.2, 1.3), (4.8, 2.1), (5.8, 1.5), places["flange"]])
+    ax.plot(*arm.T, color=COLOUR["ink"], lw=6, alpha=0.25, solid_capstyle="round")
+    for name, (x, y) in places.items():
+        ax.plot(x, y, "s", color=COLOUR["ink"], ms=8)
+        above = name == "port"
+        ax.text(x, y + (0.2 if above else -0.22), name, ha="center", va="bottom" if above else "top")
+    arrows = (
+        ("camera", "arm's base", "hand-eye file", "rgb", "-", -0.15),
+        ("arm's base", "flange", "the arm says (/tf)", "rgb", "-", -0.25),
+        ("flange", "port", "not published", "event", "--", 0.2),
+        ("camera", "port", "what our method measures", "truth", "-", -0.3),
+    )
+    for start, end, said, colour, style, bend in arrows:
+        path = {
+            "arrowstyle": "->",
+            "color": COLOUR[colour],
+            "ls": style,
+            "lw": 1.8,
+            "shrinkA": 9,
+            "shrinkB": 9,
+        }
+        ax.annotate("", places[end], places[start], arrowprops=path | {"connectionstyle": f"arc3,rad={bend}"})
+        (xa, ya), (xb, yb) = places[start], places[end]
+        middle = (xa + xb) / 2 + bend * (yb - ya) / 2, (ya + yb) / 2 - bend * (xb - xa) / 2
+        box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
+        ax.text(*middle, said, ha="center", va="center", fontsize=9, bbox=box)
+    ax.set(xlim=(-0.4, 8.6), ylim=(-0.4, 3.6))
+    ax.set_label("camera, base, flange and port, and the four transforms between them")
+    ax.set_axis_off()

@@ -1,9 +1,12 @@
-"""Plotly figures with a slider that need no network, and a still picture of each for print."""
+"""Figures with a slider in plain HTML, which needs no script file and no network, and a still for print."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from io import BytesIO
 
 import cv2
@@ -12,53 +15,12 @@ import numpy as np
 
 from .drawings import COLOUR
 
-FAINT = "rgba(124, 124, 124, 0.25)"  # the ink, for lines on light and dark
-
-
-class Interactive:
-    """A plotly figure as the output of a notebook's cell.
-
-    Pages draw it with the plotly.js that comes with the book, and JupyterLab with its own; in print stands a
-    still picture of how it begins.
-    """
-
-    def __init__(self, fig, div_id: str):
-        fig.update_layout(template="none", paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
-                          font_color=COLOUR["ink"])  # fmt: skip
-        fig.update_xaxes(gridcolor=FAINT, zerolinecolor=FAINT)
-        fig.update_yaxes(gridcolor=FAINT, zerolinecolor=FAINT)
-        fig.update_layout(sliders=[{"bgcolor": FAINT, "bordercolor": FAINT}] * len(fig.layout.sliders))
-        self.fig, self.div_id = fig, div_id
-
-    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
-        html = self.fig.to_html(
-            include_plotlyjs=False, full_html=False, div_id=self.div_id, config={"displayModeBar": False}
-        )
-        return {
-            "text/html": html,
-            "image/png": still(self.fig),
-            "application/vnd.plotly.v1+json": self.fig.to_plotly_json(),
-        }
-
-
-def still(fig) -> str:
-    """The image and the plane curves that a plotly figure shows at first, as a PNG in base64."""
-    drawn, ax = plt.subplots(figsize=(6, 4.5))
-    for image in fig.layout.images:
-        png = np.frombuffer(base64.b64decode(image.source.split(",")[1]), np.uint8)
-        ax.imshow(cv2.imdecode(png, cv2.IMREAD_COLOR_RGB))
-    for curve in fig.data:
-        if curve.type == "scatter" and curve.visible in (None, True):
-            style = "." if curve.mode == "markers" else "-"
-            ax.plot(curve.x, curve.y, style, color=curve.line.color or curve.marker.color, label=curve.name)
-    u, v = fig.layout.xaxis, fig.layout.yaxis
-    ax.set(xlabel=u.title.text, ylabel=v.title.text, xlim=u.range, ylim=v.range, aspect="equal",
-           title=fig.layout.title.text or "")  # fmt: skip
-    ax.legend(loc="upper right")
-    file = BytesIO()
-    drawn.savefig(file, format="png")
-    plt.close(drawn)
-    return base64.b64encode(file.getvalue()).decode()
+DOT_PX, LINE_PX = 2.2, 1.2  # widths, in pixels of the image
+SHOW = ("const steps = [...this.closest('.steps').querySelectorAll('.step')];"
+        "steps.forEach((step, k) => { step.hidden = k != this.value; });"
+        "const label = steps[this.value].dataset.label;"
+        "this.closest('.steps').querySelector('output').textContent = label;"
+        "this.setAttribute('aria-valuetext', label);")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -75,38 +37,96 @@ class Step:
     curves: tuple
 
 
-def step_through(steps: list[Step], prefix: str, start: int = 0):
-    """Plotly figure with a slider through steps, whose labels follow ``prefix``; ``start`` is shown first."""
-    import plotly.graph_objects as go
+class Slider:
+    """Steps behind a slider, as the output of a notebook's cell.
 
-    fig, each = go.Figure(), len(steps[0].curves)
-    for k, step in enumerate(steps):
+    The slider is an ``<input type="range">``, so keys, touch and screen readers know it.  In print stands the
+    step that is shown first.
+
+    Parameters
+    ----------
+    steps
+        At least one, all of one image size.
+    name
+        What the slider changes, such as "N"; it is the slider's label.
+    start
+        Index of the step that is shown first.
+    """
+
+    def __init__(self, steps: Sequence[Step], name: str, start: int = 0):
+        self.steps, self.name, self.start = list(steps), name, start
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        return {"text/html": self.html(), "image/png": base64.b64encode(self.still()).decode()}
+
+    def html(self) -> str:
+        """Every step, of which all but one are hidden, their legend, and the slider."""
+        order = [self.start, *(k for k in range(len(self.steps)) if k != self.start)]
+        sources = [_data_uri(step.image) for step in self.steps]
+        holders = {}  # an image that several steps share is written once, if possible where the slider starts
+        for k in order:
+            holders.setdefault(sources[k], k)
+        views = [
+            _view(step, f"{self.name} {step.label}", k == self.start, source, holders[source] == k)
+            for k, (step, source) in enumerate(zip(self.steps, sources, strict=True))
+        ]
+        legend = [f'<span><i style="background: {COLOUR[colour]}"></i>{escape(curve)}</span>'
+                  for curve, _, colour, _ in self.steps[0].curves]  # fmt: skip
+        label = escape(self.steps[self.start].label)
+        slider = (f'<label>{escape(self.name)}: <output>{label}</output><input type="range" min="0" '
+                  f'max="{len(self.steps) - 1}" step="1" value="{self.start}" aria-valuetext="{label}" '
+                  f'oninput="{escape(SHOW)}"/></label>')  # fmt: skip
+        return "\n".join(
+            ['<div class="steps">', *views, f'<p class="key">{" ".join(legend)}</p>', slider, "</div>"]
+        )
+
+    def still(self) -> bytes:
+        """The step that is shown first, PNG."""
+        step = self.steps[self.start]
+        height, width = step.image.shape
+        drawn, ax = plt.subplots(figsize=(6, 4.5))
+        ax.imshow(_grey(step.image), cmap="gray", vmin=0, vmax=255)
         for name, points_px, colour, mode in step.curves:
-            points = np.round(np.reshape(points_px, (-1, 2)), 1)
-            u, v = np.where(np.isnan(points), None, points).T.tolist()  # JSON has no NaN
-            dots = {"color": COLOUR[colour], "size": 5}
-            fig.add_scatter(x=u, y=v, name=name, mode=mode, visible=k == start,
-                            line={"color": COLOUR[colour]}, marker=dots)  # fmt: skip
-    sources = [_data_uri(step.image) for step in steps]
-    height, width = steps[0].image.shape
-    fig.add_layout_image(source=sources[start], xref="x", yref="y", x=-0.5, y=-0.5, sizex=width, sizey=height,
-                         sizing="stretch", layer="below")  # fmt: skip
-    buttons = [
-        {"label": step.label, "method": "update",
-         "args": [{"visible": [n // each == k for n in range(each * len(steps))]},
-                  {"title.text": step.title, "images[0].source": sources[k]}]}
-        for k, step in enumerate(steps)
-    ]  # fmt: skip
-    fig.update_layout(height=520, title={"text": steps[start].title, "font": {"size": 14}},
-                      margin={"l": 45, "r": 30, "t": 75, "b": 110},  # right: half of the last label
-                      legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"},
-                      sliders=[{"currentvalue": {"prefix": prefix}, "active": start, "steps": buttons,
-                                "pad": {"t": 45}}])  # fmt: skip
-    fig.update_xaxes(title="u (px)", range=[-0.5, width - 0.5], constrain="domain", showgrid=False)
-    fig.update_yaxes(title="v (px)", range=[height - 0.5, -0.5], scaleanchor="x", showgrid=False)
-    return fig
+            style = "." if mode == "markers" else "-"
+            ax.plot(*np.reshape(points_px, (-1, 2)).T, style, color=COLOUR[colour], label=name)
+        ax.set(xlabel="u (px)", ylabel="v (px)", title=step.title)
+        ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+        ax.legend(loc="upper right")
+        file = BytesIO()
+        drawn.savefig(file, format="png")
+        plt.close(drawn)
+        return file.getvalue()
+
+
+def _view(step: Step, said: str, shown: bool, source: str, holds: bool) -> str:
+    height, width = step.image.shape
+    name = "step-" + hashlib.sha256(source.encode()).hexdigest()[:12]
+    size = f'x="-0.5" y="-0.5" width="{width}" height="{height}"'
+    picture = f'<image id="{name}" {size} href="{source}"/>' if holds else f'<use href="#{name}"/>'
+    paths = "".join(_path(*curve[1:]) for curve in step.curves)
+    hidden = "" if shown else ' hidden=""'
+    return (f'<div class="step" data-label="{escape(step.label)}"{hidden}>'
+            f'<p class="said">{escape(step.title)}</p><svg viewBox="-0.5 -0.5 {width} {height}" role="img" '
+            f'aria-label="{escape(said)}: {escape(step.title)}">{picture}{paths}</svg></div>')  # fmt: skip
+
+
+def _path(points_px, colour: str, mode: str) -> str:
+    points = np.reshape(points_px, (-1, 2))
+    real = np.isfinite(points).all(-1)
+    follows = np.concatenate([[False], real[:-1]]) if mode == "lines" else np.zeros(len(points), bool)
+    dot = "" if mode == "lines" else "h0"  # with round ends a line of no length is a dot
+    moves = [
+        f"{'L' if f else 'M'}{u:.1f} {v:.1f}{dot}"
+        for (u, v), f in zip(points[real], follows[real], strict=True)
+    ]
+    width = LINE_PX if mode == "lines" else DOT_PX
+    return f'<path d="{"".join(moves)}" stroke="{COLOUR[colour]}" stroke-width="{width}"/>'
 
 
 def _data_uri(image) -> str:
-    grey = (255 * np.clip(image, 0, 1)).astype(np.uint8)
-    return "data:image/png;base64," + base64.b64encode(cv2.imencode(".png", grey)[1].tobytes()).decode()
+    picture = cv2.imencode(".png", _grey(image), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
+    return "data:image/png;base64," + base64.b64encode(picture).decode()
+
+
+def _grey(image) -> np.ndarray:
+    return (255 * np.clip(image, 0, 1)).astype(np.uint8)

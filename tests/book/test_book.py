@@ -265,6 +265,12 @@ def test_captions_have_names_of_their_own_and_at_least_two_sentences(page):
             assert sentences(figure["caption"]) >= 2, f"{figure['name']}: {figure['caption']}"
 
 
+def test_the_accuracy_chapter_reads_in_ten_minutes():
+    text = prose(BOOK / "accuracy.md").split("---\n", 2)[2]
+    words = re.sub(r"\$\$.*?\$\$", "", re.sub(r"\{glue:text\}`[^`]*`", "0", text), flags=re.S).split()
+    assert len(words) <= 1500, len(words)
+
+
 def test_no_two_figures_share_a_name():
     names = [
         o["mystnb"]["figure"]["name"]

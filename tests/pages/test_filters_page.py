@@ -16,9 +16,10 @@ def test_filters_stand_by_light_each_with_its_own_numbers():
     table = pd.DataFrame(rows, columns=["light", "filter", "modality", "domain_gap", "iou", "skeleton_px"])
     wide = filters_page.filter_table(table).data
     assert wide.shape == (4, 4)
+    words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
     for light, f, m, gap, iou, skeleton_px in rows:
-        assert wide.loc[(gap, f, m), ("IoU", light)] == iou
-        assert wide.loc[(gap, f, m), ("skeleton (px)", light)] == skeleton_px
+        assert wide.loc[(gap, words[f], words[m]), ("IoU", light)] == iou
+        assert wide.loc[(gap, words[f], words[m]), ("skeleton (px)", light)] == skeleton_px
 
 
 def test_a_mask_is_judged_against_the_true_pose(port, camera):

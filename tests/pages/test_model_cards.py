@@ -4,10 +4,14 @@ import hashlib
 
 import pytest
 
+from lmmap.bench.labels import label_masks
 from lmmap.pages import model_cards
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, weight_path
-from lmmap.recordings.formats import FORMATS
+from lmmap.pipeline.ring import binarise
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
+from lmmap.provenance import DATA
+from lmmap.recordings.formats import FORMATS, open_recording
 from lmmap.settings import OURS
+from lmmap.training.mask_quality import iou
 
 
 @pytest.mark.parametrize("domain_gap", DOMAIN_GAPS)
@@ -41,3 +45,13 @@ def test_every_format_has_its_row():
 
 def test_the_trained_sensor_is_the_first_row():
     assert model_cards.sensors().sensor.iloc[0] == "DAVIS 346"
+
+
+def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    pictures = model_cards.worst_masks("low", recording, 2)
+    assert [modality for _, modality, *_ in pictures] == ["rgb", "event"]
+    for title, modality, image, T_cam_port in pictures:
+        mask = binarise(load_network(weight_path("ring", modality, "low"), modality)(image))
+        overlap = iou(mask, label_masks(T_cam_port, port, recording.camera)[0])
+        assert title.endswith(f"IoU {overlap:.2f}")

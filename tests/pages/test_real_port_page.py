@@ -1,5 +1,6 @@
 """Outlines of what was found, and the table that says whether it is right."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -29,3 +30,14 @@ def test_the_table_tells_right_from_wrong_and_from_nothing():
     what = pd.DataFrame({"what": ["the picture"]}, index=["a"])
     table = real_port_page.found_table(rows, what)
     assert list(table.loc["the picture"]) == ["ring, 1.2 px off, pose", "a wrong ring", "no ring"]
+
+
+def test_the_chain_names_its_four_frames_and_dashes_only_what_is_unknown():
+    fig, ax = plt.subplots()
+    real_port_page.draw_chain(ax)
+    words = {text.get_text() for text in ax.texts}
+    assert {"camera", "arm's base", "flange", "port"} <= words
+    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
+    dashed = [text.xy for text in arrows if text.arrow_patch.get_linestyle() == "--"]
+    assert len(arrows) == 4 and len(dashed) == 1
+    plt.close(fig)

@@ -1,6 +1,8 @@
 """Figures that move: each step shows what its label says, and paper gets a still."""
 
 import base64
+import re
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -60,17 +62,39 @@ def test_a_high_threshold_refuses_and_a_sensible_one_finds(ring, rng):
 @pytest.mark.parametrize("start", [0, 2])
 def test_the_slider_shows_one_step_and_the_still_is_it(ring, start):
     images = [np.full((260, 346), shade) for shade in (0.0, 0.5, 1.0)]
-    steps = [sliders.Step(f"{k}", f"title {k}", image, (("dot", [[k, k]], "ours", "markers"),
+    steps = [sliders.Step(f"{k}", f"title <{k}>", image, (("dot", [[k, k]], "ours", "markers"),
                               ("line", Ellipse([90, 90], [9, 9], 0).points(), "truth", "lines")))
              for k, image in enumerate(images)]  # fmt: skip
-    fig = sliders.step_through(steps, "k = ", start)
-    assert [curve.visible for curve in fig.data] == [k == start for k in range(3) for _ in range(2)]
-    for k, button in enumerate(fig.layout.sliders[0].steps):
-        shown, layout = button.args
-        assert shown["visible"] == [n // 2 == k for n in range(6)] and layout["title.text"] == f"title {k}"
-    bundle = sliders.Interactive(fig, "an-id")._repr_mimebundle_()
-    assert 'id="an-id"' in bundle["text/html"] and "cdn" not in bundle["text/html"].lower()
-    png = cv2.imdecode(np.frombuffer(base64.b64decode(bundle["image/png"]), np.uint8), cv2.IMREAD_COLOR)
-    assert (
-        np.abs(png[png.shape[0] // 2, png.shape[1] // 2].astype(float) - 255 * images[start][0, 0]).max() < 3
+    bundle = sliders.Slider(steps, "k", start)._repr_mimebundle_()
+    tree = ElementTree.fromstring(bundle["text/html"])
+    views = tree.findall("div[@class='step']")
+    assert [view.get("data-label") for view in views] == ["0", "1", "2"]
+    assert [view.get("hidden") is None for view in views] == [k == start for k in range(3)]
+    assert [view.find("p").text for view in views] == [f"title <{k}>" for k in range(3)]
+    slider = tree.find("label/input")
+    assert (slider.get("value"), slider.get("max"), slider.get("aria-valuetext")) == (
+        f"{start}",
+        "2",
+        f"{start}",
     )
+    png = cv2.imdecode(np.frombuffer(base64.b64decode(bundle["image/png"]), np.uint8), cv2.IMREAD_COLOR)
+    middle = png[png.shape[0] // 2, png.shape[1] // 2].astype(float)
+    assert np.abs(middle - 255 * images[start][0, 0]).max() < 3
+
+
+def test_a_line_breaks_where_a_point_is_missing_and_dots_are_apart():
+    points = [[0, 0], [1, 0], [np.nan, np.nan], [2, 2], [3, 2]]
+    curves = (("line", points, "ours", "lines"), ("dots", points, "truth", "markers"))
+    html = sliders.Slider([sliders.Step("a", "b", np.zeros((4, 4)), curves)], "k").html()
+    line, dots = re.findall(r'<path d="([^"]*)"', html)
+    assert line == "M0.0 0.0L1.0 0.0M2.0 2.0L3.0 2.0"
+    assert dots.count("M") == dots.count("h0") == 4 and "L" not in dots
+
+
+def test_an_image_that_steps_share_is_written_once_and_where_the_slider_starts():
+    dark, light = np.zeros((4, 4)), np.ones((4, 4))
+    steps = [sliders.Step(f"{k}", "", image, ()) for k, image in enumerate([dark, dark, light])]
+    tree = ElementTree.fromstring(sliders.Slider(steps, "k", start=1).html())
+    images, uses = ([view.findall(f"svg/{tag}") for view in tree.findall("div")] for tag in ("image", "use"))
+    assert [len(found) for found in images] == [0, 1, 1] and [len(found) for found in uses] == [1, 0, 0]
+    assert uses[0][0].get("href") == "#" + images[1][0].get("id")
