@@ -135,7 +135,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
 
     def make():
         recording = open_recording(folder / f"{name}.h5")
-        estimator = Estimator(recording.camera, port, modality)
+        estimator = Estimator(recording.camera, port, modality, "low")
         found = list(estimate(recording, estimator, estimator.settings.rate_hz))
         track = odometry.camera_track(found, port)
         write_trajectory(track, path, "tum")
