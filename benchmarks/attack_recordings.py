@@ -11,12 +11,17 @@ table of commands and formats, also when it is interrupted; ends with 1 if there
 
 from __future__ import annotations
 
+import os
+
+os.environ["OMP_NUM_THREADS"] = (
+    "1"  # before torch is imported: a forked process waits for ever for its parent's threads
+)
+
 import argparse
 import collections
 import functools
 import hashlib
 import json
-import os
 import resource
 import select
 import shutil
@@ -35,7 +40,7 @@ from attack_sound import sound_files
 
 from lmmap.cli import main as command
 
-MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, WALL_S = 2**30, 3 * 2**30, 10.0, 20, 600.0
+MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, WALL_S = 2**30, 3 * 2**30, 10.0, 20, 180.0
 
 
 class Case(NamedTuple):
