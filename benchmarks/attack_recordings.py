@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import os
 
-os.environ["OMP_NUM_THREADS"] = (
-    "1"  # before torch is imported: a forked process waits for ever for its parent's threads
-)
+# before torch is imported: a forked process would wait for ever for its parent's threads
+os.environ["OMP_NUM_THREADS"] = "1"
 
 import argparse
 import collections
