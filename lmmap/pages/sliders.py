@@ -73,9 +73,10 @@ class Slider:
         legend = [f'<span><i style="background: {COLOUR[colour]}"></i>{escape(curve)}</span>'
                   for curve, _, colour, _ in self.steps[0].curves]  # fmt: skip
         label = escape(self.steps[self.start].label)
-        slider = (f'<label>{escape(self.name)}: <output>{label}</output><input type="range" min="0" '
+        # a label is for the first control in it, and an output is one: the input comes first
+        slider = (f'<label>{escape(self.name)}: <input type="range" min="0" '
                   f'max="{len(self.steps) - 1}" step="1" value="{self.start}" aria-valuetext="{label}" '
-                  f'oninput="{escape(SHOW)}"/></label>')  # fmt: skip
+                  f'oninput="{escape(SHOW)}"/> <output>{label}</output></label>')  # fmt: skip
         return "\n".join(
             ['<div class="steps">', *views, f'<p class="key">{" ".join(legend)}</p>', slider, "</div>"]
         )
