@@ -1,13 +1,15 @@
 """EVO (`benchmarks/vo/evo`): laws of its parts, and a short sequence that it must follow."""
 
+import inspect
+import re
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from vo.evo import bootstrap, event_frames, mapping, odometry, scenes, sweep, tracking
+from vo.evo import bootstrap, constants, event_frames, mapping, odometry, scenes, sweep, tracking
 from vo.evo.constants import Constants
 from vo.evo.mapper import Mapper
 from vo.evo.stopwatch import Stopwatch
@@ -18,6 +20,12 @@ from lmmap.types import Camera, Pose
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5)
 CONSTANTS = Constants()
+
+
+def test_each_constant_says_where_it_comes_from():
+    source = inspect.getsource(constants)
+    for name in (f.name for f in fields(Constants)):
+        assert re.search(rf"^    {name}: .*# .*(EVO|EMVS|released|open)", source, re.MULTILINE), name
 
 
 def events_of(points, positions, packet_events):
@@ -88,7 +96,7 @@ def test_a_homography_gives_its_plane():
 
 def test_a_tilted_plane_is_read_off_event_frames():
     """Depth of a textured plane that leans by 31 deg, seen from a camera that slides and turns."""
-    rng, constants = np.random.default_rng(3), Constants(events_per_frame=1500)
+    rng, own = np.random.default_rng(3), Constants(events_per_frame=1500)
     a, b = rng.uniform(-1.5, 1.5, (2, 60, 1)), 0.25 * np.linspace(-1, 1, 40)
     angle = rng.uniform(0, np.pi, (60, 1))
     X, Y = (a[0] + b * np.cos(angle)).ravel(), (a[1] + b * np.sin(angle)).ravel()
@@ -102,9 +110,7 @@ def test_a_tilted_plane_is_read_off_event_frames():
         chosen = rng.choice(np.flatnonzero(inside), 1500)
         x.append(u[chosen])
         y.append(v[chosen])
-    depth = bootstrap.planar_depth(
-        np.concatenate(x), np.concatenate(y), 0, CAMERA.K, CAMERA.size_px, constants
-    )
+    depth = bootstrap.planar_depth(np.concatenate(x), np.concatenate(y), 0, CAMERA.K, CAMERA.size_px, own)
     u, v = np.meshgrid(np.arange(CAMERA.width_px), np.arange(CAMERA.height_px))
     true = 1 / (1 - 0.6 * (u - CAMERA.K[0, 2]) / CAMERA.K[0, 0])
     np.testing.assert_allclose(depth / depth[45, 60], true / true[45, 60], rtol=0.12)

@@ -18,7 +18,8 @@ def homography(first, second, guess, constants: Constants) -> tuple[np.ndarray, 
 
     The correlation is 0 where the alignment does not converge.
     """
-    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, constants.homography_iterations, 1e-4)
+    kind = cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS
+    criteria = kind, constants.homography_iterations, constants.homography_tolerance
     try:
         correlation, H = cv2.findTransformECC(
             first, second, guess.astype(np.float32), cv2.MOTION_HOMOGRAPHY, criteria, None, 5

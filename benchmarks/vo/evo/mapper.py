@@ -68,7 +68,7 @@ def make_keyframe(stretch: Stretch, K, size_px, constants: Constants) -> Keyfram
     z = stretch.points @ R[2] + t[2]
     mean_depth = float(np.median(z[z > 0])) if (z > 0).any() else 1.0
     start, stop = _swept_events(track, c.map_baseline * mean_depth, c)
-    if stop - start < 20 * c.packet_events:
+    if stop - start < c.map_packets * c.packet_events:
         return None
     middles = np.arange(start + c.packet_events // 2, stop, c.packet_events)
     R_cam, t_cam = interpolate(middles, track)

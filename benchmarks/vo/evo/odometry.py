@@ -109,7 +109,7 @@ class Odometry:
             plane = np.ones_like(image)
             if c.bootstrap_plane == "homography":
                 plane = bootstrap.planar_depth(self._x, self._y, start, self.K, self.size_px, c)
-        depth = mapping.DepthMap(np.where(image > 0.5, plane, 0.0), image)
+        depth = mapping.DepthMap(np.where(image > c.bootstrap_brightness, plane, 0.0), image)
         self._points = depth.points(self.K)
         self._free = ALL if np.ptp(plane) > 0 else TRANSLATION
         self._from_plane = first_depth is None
@@ -171,7 +171,7 @@ class Odometry:
         centre = -track.rotation[-1].T @ track.position[-1]
         distance = np.linalg.norm(centre - self._centre) / self._keyframe_depth
         if self._reference is not None and self._reference.visible < c.keyframe_overlap:
-            return distance > c.keyframe_distance / 4
+            return distance > c.overlap_distance
         share = 1 - self._rounds / c.bootstrap_rounds
         return distance > c.bootstrap_distance + share * (c.keyframe_distance - c.bootstrap_distance)
 

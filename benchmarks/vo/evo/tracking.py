@@ -67,7 +67,7 @@ def project_map(points, rotation, position, K, size_px, constants: Constants) ->
     inside = _splat(mask, inverse, camera, K)
     blur = constants.reference_blur_px
     image, weighted = cv2.GaussianBlur(mask, (0, 0), blur), cv2.GaussianBlur(inverse, (0, 0), blur)
-    selected = image > 0.05
+    selected = image > constants.reference_brightness
     v, u = np.nonzero(selected)
     every = max(1, -(-len(u) // constants.reference_points))
     u, v = u[::every], v[::every]
@@ -98,7 +98,7 @@ def align(image, reference: Reference, rotation, position, K, constants: Constan
     Returns rotation, position, the cosine between both images over the pixels warped (their similarity), and
     the mean motion of these pixels (px).
     """
-    if len(reference.points) < 50:
+    if len(reference.points) < constants.reference_fewest:
         return rotation, position, 0.0, 0.0
     c, r = constants, reference
     return _iterate(image, r.points, r.brightness, r.jacobian, r.hessian, np.ascontiguousarray(rotation),
