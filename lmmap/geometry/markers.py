@@ -22,21 +22,27 @@ def check_yaw_step(port: Port, yaw_step_rad: float) -> None:
     check_number("yaw_step_rad", yaw_step_rad, LEAST_YAW_STEP_RAD, 1.001 * port.yaw_period_rad)
 
 
+def polar_grid(port: Port, radii_m, height_m: float, yaws: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (R, A, 3) on circles of these radii (R,) in a plane at a height, with ``yaws`` of them in a
+    period; and their angles (A,) about the port's axis."""
+    angle_rad = np.arange(yaws * port.symmetry) * (port.yaw_period_rad / yaws)
+    x, y = (np.multiply.outer(radii_m, f(angle_rad)) for f in (np.cos, np.sin))
+    return frozen_array(np.stack([x, y, np.full_like(x, height_m)], -1)), angle_rad
+
+
 @lru_cache
 def polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
     """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
     folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
     per_period = round(port.yaw_period_rad / yaw_step_rad)
-    step_rad = port.yaw_period_rad / per_period
-    angles = np.arange(per_period * port.symmetry) * step_rad
     tangential, depth = np.array(port.marker_size_m) / 2
     near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
-    radii = np.linspace(0.8 * near, reach_m(port), radial)
-    x, y = np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
+    radii_m = np.linspace(0.8 * near, reach_m(port), radial)
+    points_m, _ = polar_grid(port, radii_m, port.plate_height_m, per_period)
+    x, y, _ = np.moveaxis(points_m, -1, 0)
     marker = (x >= near) & (x <= far) & (np.abs(y) <= tangential)
-    template = (marker * radii[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
-    points_m = np.stack([x, y, np.full_like(x, port.plate_height_m)], -1)
-    return frozen_array(points_m), frozen_array(template), step_rad
+    template = (marker * radii_m[:, None]).reshape(radial, port.symmetry, per_period).sum(1)
+    return points_m, frozen_array(template), port.yaw_period_rad / per_period
 
 
 corners_m = lru_cache(Port.marker_corners_m)

@@ -11,6 +11,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from ..geometry.markers import polar_grid
 from ..geometry.sampling import project_points, sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
@@ -101,12 +102,10 @@ def _tips(port: Port, yaws: int, radial: int = 6) -> tuple[np.ndarray, np.ndarra
 def _polar(port: Port, radii_m, height_m: float, yaws: int):
     """Points (R, A, 3) on circles of a plane, and their coordinates along and across the nearest marker's
     direction, (R, A) each."""
-    angle, radii_m = np.arange(yaws * port.symmetry) * (port.yaw_period_rad / yaws), radii_m[:, None]
-    x, y = radii_m * np.cos(angle), radii_m * np.sin(angle)
-    half = port.yaw_period_rad / 2
+    points_m, angle = polar_grid(port, radii_m, height_m, yaws)
+    half, radii_m = port.yaw_period_rad / 2, radii_m[:, None]
     nearest = (angle + half) % port.yaw_period_rad - half
-    points_m = np.stack([x, y, np.full_like(x, height_m)], -1)
-    return frozen_array(points_m), radii_m * np.cos(nearest), radii_m * np.sin(nearest)
+    return points_m, radii_m * np.cos(nearest), radii_m * np.sin(nearest)
 
 
 def _line(distance_m) -> np.ndarray:
