@@ -15,6 +15,13 @@ from .tables import CAMERAS, LIGHTS, WORDS
 NOISE_HZ = (0.1, 0.2, 0.5, 1, 2, 5)  # marks of the axis
 
 
+def paper_success(case: str, modality: str) -> float:
+    """The paper's percentage of images with an ellipse in a hard case; NaN where it has none."""
+    reported = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
+    value = reported[(reported.condition == case) & reported.quantity.str.endswith(modality)].value
+    return float(value.item()) if len(value) else np.nan
+
+
 def hard_case_table(counts: pd.DataFrame, cases: Mapping[str, str]):
     """Success in percent and median errors, styled.
 
@@ -25,13 +32,11 @@ def hard_case_table(counts: pd.DataFrame, cases: Mapping[str, str]):
     cases
         Titles by sequence, of the sequences that the table shows; the paper's numbers have the same titles.
     """
-    paper = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
     rows = []
     for (name, modality), c in counts[counts.index.isin(cases, level=0)].iterrows():
-        reported = paper[(paper.condition == cases[name]) & paper.quantity.str.endswith(modality)].value
         rows.append({
             "case": cases[name], "camera": CAMERAS[modality],
-            "ellipse, paper (%)": float(reported.item()) if len(reported) else np.nan,
+            "ellipse, paper (%)": paper_success(cases[name], modality),
             "ellipse, ours (%)": 100 * c.ellipses / c.images if modality != "fused" else np.nan,
             "pose, ours (%)": 100 * c.poses / c.images, "our images": c.images,
             "off by (mm)": 1e3 * c.position_error_m, "normal (°)": c.normal_error_deg,
@@ -62,14 +67,6 @@ def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
         rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], text))
     columns = ["light", "median error", "better camera", "fused minus better"]
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
-
-
-def paper_success(case: str, modality: str) -> float:
-    """The paper's percentage of images with an ellipse in a hard case."""
-    reported = pd.read_csv(DATA / "paper" / "other_results.csv").query("where == 'hard cases'")
-    return float(
-        reported[(reported.condition == case) & reported.quantity.str.endswith(modality)].value.item()
-    )
 
 
 def crossing(x, y, level: float) -> float:
