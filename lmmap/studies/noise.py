@@ -21,6 +21,7 @@ import pandas as pd
 from ..bench import sequences
 from ..bench.event_sensor import SensorSettings
 from ..pipeline.estimator import Estimator
+from ..pipeline.histograms import histogram
 from ..pipeline.run import estimate_images, timed_images
 from ..provenance import DATA, save_table
 from ..recordings.formats import open_recording
@@ -37,22 +38,26 @@ STILL_PERCENT = 25  # of the blocks have so few events that nothing moved in the
 HOT = 10.0  # a pixel is hot that has as many times the events of its block's mean, and one more
 
 
-def background_hz(recording: AnyRecording) -> float:
-    """Events a second of a pixel in the still parts of a recording, without hot pixels.
+def event_counts(recording: AnyRecording) -> tuple[np.ndarray, float]:
+    """Events of each pixel (H, W), and the seconds from the first event to the last."""
+    counts, ends_us = np.zeros(recording.camera.size_px[::-1]), []
+    for events in recording.chunks():
+        counts += histogram(events["x"], events["y"], recording.camera.size_px)
+        ends_us += [int(events["t_us"][0]), int(events["t_us"][-1])]
+    return counts, (ends_us[-1] - ends_us[0]) * 1e-6
+
+
+def background_hz(counts: np.ndarray, seconds: float) -> float:
+    """Events a second of a pixel in the still parts of an image (H, W) of `event_counts`, without hot pixels.
 
     The image is cut into blocks of 10 x 10 pixels; the lower quartile of their rates is taken.
     """
-    width, height = recording.camera.size_px
-    counts, first_us, last_us = np.zeros((height, width)), None, None
-    for events in recording.chunks():
-        np.add.at(counts, (events["y"], events["x"]), 1)
-        first_us = events["t_us"][0] if first_us is None else first_us
-        last_us = events["t_us"][-1]
+    height, width = counts.shape
     rows, columns = height // BLOCK_PX, width // BLOCK_PX
     blocks = counts[: rows * BLOCK_PX, : columns * BLOCK_PX].reshape(rows, BLOCK_PX, columns, BLOCK_PX)
     blocks = blocks.transpose(0, 2, 1, 3).reshape(rows * columns, -1)
     hot = blocks > HOT * blocks.mean(1, keepdims=True) + 1
-    rates_hz = np.ma.array(blocks, mask=hot).mean(1).filled(np.nan) / ((last_us - first_us) * 1e-6)
+    rates_hz = np.ma.array(blocks, mask=hot).mean(1).filled(np.nan) / seconds
     return float(np.nanpercentile(rates_hz, STILL_PERCENT))
 
 
@@ -71,7 +76,8 @@ def of_the_bench(report=print) -> pd.DataFrame:
     for shot_hz in SHOT_HZ:
         sensor = replace(SensorSettings(), shot_hz=shot_hz)
         recording = sequences.simulate("hard-slow", SECONDS, sensor=sensor)
-        rows.append({"source": "bench", "shot_hz": shot_hz, "background_hz": background_hz(recording),
+        noise_hz = background_hz(*event_counts(recording))
+        rows.append({"source": "bench", "shot_hz": shot_hz, "background_hz": noise_hz,
                      "seconds": SECONDS, **success(recording, estimator)})  # fmt: skip
         report(
             "shot noise {shot_hz:g} Hz: {background_hz:.3f} Hz, ellipse {ellipse_percent:.0f} %".format(
@@ -83,10 +89,9 @@ def of_the_bench(report=print) -> pd.DataFrame:
 
 def of_recording(path: Path) -> pd.DataFrame:
     """One row with the noise of a real recording."""
-    recording = open_recording(path)
-    span_us = [int(chunk["t_us"][k]) for chunk in recording.chunks() for k in (0, -1)]
-    return pd.DataFrame([{"source": path.name, "background_hz": background_hz(recording),
-                          "seconds": (span_us[-1] - span_us[0]) * 1e-6}])  # fmt: skip
+    counts, seconds = event_counts(open_recording(path))
+    row = {"source": path.name, "background_hz": background_hz(counts, seconds), "seconds": seconds}
+    return pd.DataFrame([row])
 
 
 def main(paths: Sequence[str]) -> None:

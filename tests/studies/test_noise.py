@@ -30,7 +30,8 @@ def test_the_rate_is_that_of_the_still_pixels(rate_hz):
     rates_hz = np.full((260, 346), rate_hz)
     rates_hz[:, :173] += 20.0
     rates_hz[rng.random(rates_hz.shape) < 1e-3] = 200.0
-    assert noise.background_hz(recorded(rates_hz, rng)) == pytest.approx(rate_hz, rel=0.15)
+    counts, seconds = noise.event_counts(recorded(rates_hz, rng))
+    assert noise.background_hz(counts, seconds) == pytest.approx(rate_hz, rel=0.15)
 
 
 def test_the_committed_table_says_that_noise_hides_the_port():
