@@ -17,6 +17,7 @@ import numpy as np
 
 from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
 from lmmap.bench.event_sensor import SensorSettings
+from lmmap.bench.varied import angle_about_port
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import images
@@ -102,9 +103,7 @@ def worn(render, gap_m):
 
     def rendered(solid, skin, light, T_cam_port, rays, behind):
         radiance, cover = render(solid, skin, light, T_cam_port, rays, behind)
-        eye, d = T_cam_port.inverse.position_m, rays[0] @ T_cam_port.rotation
-        x, y = np.moveaxis(eye[:2] - eye[2] * d[..., :2] / d[..., 2:], -1, 0)  # where the rays meet z = 0
-        angle = np.arctan2(y, x)
+        angle = angle_about_port(T_cam_port, rays[0])
         left = 0.5 + 0.15 * np.sin(2 * angle + 1)
         period = 2 * np.pi / SECTORS
         left[(angle + 0.3) % period * PORT.ring_radius_m < gap_m] = IN_GAP

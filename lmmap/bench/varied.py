@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..types import Camera, Port, Recording
+from ..types import Camera, Port, Pose, Recording
 from . import cad, laboratory, optics, renderer, sequences, skins
 from .event_sensor import SensorSettings
 
@@ -119,6 +119,13 @@ def backdrop(seq, camera: Camera, total_intensity: float) -> np.ndarray:
     return optics.blur(light.astype(np.float32), 1.0)
 
 
+def angle_about_port(T_cam_port: Pose, rays) -> np.ndarray:
+    """Angle (H, W) about the port's axis of where rays (H, W, 3) meet the ring's plane z = 0."""
+    eye_m, direction = T_cam_port.inverse.position_m, rays @ T_cam_port.rotation
+    x, y = np.moveaxis(eye_m[:2] - eye_m[2] * direction[..., :2] / direction[..., 2:], -1, 0)
+    return np.arctan2(y, x)
+
+
 @dataclass(frozen=True)
 class PaintedPort:
     """`renderer.render` of a port of other paint, whose ring and markers return less light than new film.
@@ -148,8 +155,7 @@ class PaintedPort:
     def __call__(self, solid, skin, light, T_cam_port, rays, behind):
         scene = solid, skin, light, T_cam_port, rays, behind
         radiance, cover = renderer.render(*scene, parts=self.parts)
-        eye_m, ray = T_cam_port.inverse.position_m, rays[0] @ T_cam_port.rotation
-        x, y = np.moveaxis(eye_m[:2] - eye_m[2] * ray[..., :2] / ray[..., 2:], -1, 0)  # the ray meets z = 0
-        returned = self.worn * (1 + self.waves * np.sin(2 * np.arctan2(y, x) + self.phase_rad))
+        angle_rad = angle_about_port(T_cam_port, rays[0])
+        returned = self.worn * (1 + self.waves * np.sin(2 * angle_rad + self.phase_rad))
         lost = cover.sum(-1, keepdims=True) * (1 - returned[..., None])
         return (radiance * (1 - lost)).astype(np.float32), cover

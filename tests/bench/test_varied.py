@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lmmap.bench import laboratory, renderer, varied
+from lmmap.geometry.port import circle_points_m
 from lmmap.types import Camera, Port
 
 NAMES = [f"varied-{n}" for n in range(24)]
@@ -58,6 +59,15 @@ def test_other_paint_changes_the_picture_but_not_what_is_where():
     plain, plain_cover = scene("varied-2", partial(renderer.render, parts=renderer.PARTS))
     assert np.array_equal(cover, plain_cover) and not np.allclose(radiance, plain)
     assert np.isfinite(radiance).all() and radiance.min() >= 0
+
+
+def test_a_ray_to_a_point_of_the_ring_has_the_points_angle():
+    T_cam_port = laboratory.sequence_motion(varied.base_sequence("varied-1"), np.zeros(1))[0]
+    points_m = circle_points_m(Port.lm_map().ring_radius_m, 24).reshape(4, 6, 3)
+    rays = T_cam_port @ points_m
+    angle_rad = varied.angle_about_port(T_cam_port, rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    expected_rad = np.arctan2(points_m[..., 1], points_m[..., 0])
+    assert np.allclose(np.exp(1j * angle_rad), np.exp(1j * expected_rad))
 
 
 @pytest.mark.parametrize("seed", range(5))
