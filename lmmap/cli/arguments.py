@@ -25,6 +25,7 @@ ESTIMATE = """examples:
   lmmap estimate run.aedat4 --modality event -o poses.csv --video overlay.mp4
   lmmap estimate run.aedat4 --modality event -o poses.csv --resume     after Ctrl-C
   lmmap estimate run.aedat4 --modality fused --track -o poses.csv      faster: each image where it is expected
+  lmmap estimate run.aedat4 --modality event --track --between 500 -o poses.csv    events, too
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum       a trajectory in TUM's format
   lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
 """
@@ -48,6 +49,7 @@ PICTURES = """examples:
 LIVE = """examples:
   lmmap live --modality event --camera camera.json            from an attached camera; Ctrl-C ends it
   lmmap live demo.aedat4 --modality rgb --seconds 5           a recording, in the time that it took
+  lmmap live demo.aedat4 --modality event --between 100       and 100 poses a second between the images
 """
 COMPLETION = """examples:
   lmmap completion bash > ~/.local/share/bash-completion/completions/lmmap
@@ -123,6 +125,7 @@ def _add_recordings(commands: Commands) -> None:
         action="store_true",
         help="look only where earlier images predict the port",
     )
+    _add_between(command, "with --track")
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -185,12 +188,18 @@ def _add_recordings(commands: Commands) -> None:
     _add_estimation(commands, command, required=True)
     commands.add_output(command, "poses to write as well (CSV, or TUM if the name ends in .tum)")
     command.add_argument("--seconds", type=float, help="end after so many seconds")
-    command.add_argument("--json", action="store_true", help="print a line of JSON for each image")
+    _add_between(command, "with --modality event")
+    command.add_argument("--json", action="store_true", help="print a line of JSON for each pose")
 
     command = commands.add(
         "completion", "lmmap.cli.completion:completion", "print the completion script of a shell", COMPLETION
     )
     command.add_argument("shell", choices=SHELLS)
+
+
+def _add_between(command, when: str) -> None:
+    text = f"{when}: follow the port by its events between images too, so many poses a second"
+    command.add_argument("--between", type=float, metavar="HZ", help=text)
 
 
 def _add_estimation(commands: Commands, command, required: bool, fused: bool = False) -> None:

@@ -20,9 +20,10 @@ from ..recordings.pose_files import as_read
 from ..recordings.stream import Stream
 from ..studies import pose_errors
 from ..tracking.fusion import fuse
-from ..tracking.tracker import Tracker, track_images
+from ..tracking.recorded import track_between, track_images
+from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
-from .inputs import input_files, make_estimator, network_set, no_images, open_input
+from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input
 from .progress import Bar, summary
 
 
@@ -34,8 +35,14 @@ def estimate(a) -> None:
         )
     if a.track and a.resume:
         raise InputError(f"{a.output}: a track cannot be resumed; leave --resume out, and give --overwrite")
+    if a.between is not None:
+        if not a.track:
+            raise InputError("--between: a track is followed between its images; give --track as well")
+        check_between(a)
     if a.video and a.modality == "fused":
         raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
+    if a.between and (a.format or a.output.suffix.lstrip(".")) == "tum":
+        raise InputError(f"{a.output}: TUM's format cannot mark poses between images; give a name in .csv")
     a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
     fused = a.modality == "fused" and not a.track
     parts = [_part(a, modality) for modality in pose_errors.MODALITIES] if fused else []
@@ -58,27 +65,35 @@ def _estimate_single(a, stream: Stream) -> None:
     video = Overlay(a.video, first.port, stream.camera) if a.video else nullcontext()
     made_of = _made_of(a, a.modality, list(estimators.values()))
     with Journal(a.output, a.format, a.resume, made_of) as journal, video:
-        resumed, poses = len(journal.statuses), 0
+        resumed, poses, between = len(journal.statuses), 0, 0
         try:
             with Bar(stream, a.modality) as bar:
                 shots = [run.timed_images(stream, m, e.settings, a.rate) for m, e in estimators.items()]
                 if a.track:
                     in_order = heapq.merge(*shots, key=lambda shot: shot.t_us)
-                    answers = track_images(in_order, Tracker(*estimators.values()))
+                    tracker = Tracker(*estimators.values(), events=bool(a.between))
+                    answers = (
+                        track_between(in_order, tracker, stream.chunks(), a.between)
+                        if a.between
+                        else track_images(in_order, tracker)
+                    )
                 else:
                     left = (shot for shot in shots[0] if not journal.has(*shot.times_us))
                     answers = run.estimate_images(left, first)
                 for image, e in answers:
                     journal.add(e)
+                    if image is None:
+                        between += 1
+                        continue
                     if a.video:
                         video.add(image, e, first.ring_mask(image))
                     poses += e.status == Status.OK
-                    bar.show(e.t_us, len(journal.statuses) - resumed, poses)
+                    bar.show(e.t_us, len(journal.statuses) - resumed - between, poses)
         except KeyboardInterrupt:
             stopped = True
         if not journal.statuses and not stopped:
             raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings)
-    _report(a, journal, resumed, stopped)
+    _report(a, journal, resumed, stopped, between)
 
 
 def _estimate_fused(a, stream: Stream) -> None:
@@ -134,17 +149,20 @@ def _made_of(a, modality: str, estimators: list) -> dict:
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
         "format": a.format,
         "camera": asdict(first.camera), "port": asdict(first.port), "settings": asdict(first.settings),
-        "weights": weights, **({"track": True} if a.track else {}),
+        "weights": weights, **({"track": True, "between": a.between} if a.track else {}),
     }  # fmt: skip
 
 
-def _report(a, journal: Journal, resumed: int, stopped: bool) -> None:
-    """Print the summary of what was estimated; `KeyboardInterrupt` if it was stopped."""
+def _report(a, journal: Journal, resumed: int, stopped: bool, between: int = 0) -> None:
+    """Print the summary of what was estimated, ``between`` poses between images apart; `KeyboardInterrupt` if
+    it was stopped."""
+    counts = Counter(journal.statuses) - Counter({Status.PREDICTED: between})
     if a.json:
-        counts = dict(sorted(Counter(journal.statuses).items()))
-        print(json.dumps({"output": str(a.output), "images": len(journal.statuses), "statuses": counts}))
+        facts = {"output": str(a.output), "images": counts.total(), "statuses": dict(sorted(counts.items()))}
+        print(json.dumps(facts | ({"between": between} if a.between else {})))
     else:
         before = f" ({resumed} from before)" if resumed else ""
-        print(f"{a.output}: {summary(journal.statuses)}{before}")
+        also = f"; {between} poses between them" if a.between else ""
+        print(f"{a.output}: {summary(list(counts.elements()))}{also}{before}")
     if stopped:
         raise KeyboardInterrupt(f"{a.output} keeps what was estimated, --resume goes on")

@@ -47,6 +47,14 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstim
     return estimator(camera, find_port(a), modality, a.weights or network_set(a), settings)
 
 
+def check_between(a) -> None:
+    """Whether poses between images can be had as often as the command line asks."""
+    if a.modality == "rgb":
+        raise InputError("--between: events follow the port between images; give another --modality than rgb")
+    if not 0 < a.between < 1e4:
+        raise InputError(f"--between {a.between:g}: give a number of poses per second between 0 and 10000")
+
+
 def find_port(a) -> Port:
     """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
     known = None if a.port else find_rig(a.recording)

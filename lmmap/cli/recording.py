@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 
 import numpy as np
@@ -15,8 +16,8 @@ from ..recordings.formats import health
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
-from ..types import Estimate, InputError, Status
-from .inputs import input_files, make_estimator, no_images, open_input
+from ..types import Estimate, InputError, Pose, Status
+from .inputs import check_between, input_files, make_estimator, no_images, open_input
 from .progress import GREEN, RED, coloured, summary
 
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
@@ -37,7 +38,9 @@ def info(a) -> None:
 
 
 def live(a) -> None:
-    """Poses as images come."""
+    """Poses as images come, and between them by events."""
+    if a.between is not None:
+        check_between(a)
     if a.output:
         check_output(a.output, input_files(a), overwrite=a.overwrite)
     stream = open_input(a) if a.recording else None
@@ -62,37 +65,64 @@ def live(a) -> None:
 
 
 def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
-    """Print the track's answer to each image; their statuses and delays, and how many images were skipped."""
+    """Print the track's answers; the images' statuses and delays, and how many images were skipped."""
     statuses, late_ms, skipped, last_us = [], [], 0, -np.inf
     form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
-    images = devices.newest(device, a.modality, estimator.settings.events_per_window, seconds=a.seconds)
-    tracker = Tracker(estimator)
+    tracker = Tracker(estimator, events=bool(a.between))
     with Journal(a.output, form) if a.output else nullcontext() as journal:
+
+        def tell(e: Estimate, newest_us: int) -> float:
+            late_ms = (device.now_us() - newest_us) * 1e-3
+            if journal:
+                journal.add(e)
+            print(_line(e, late_ms, a.json), flush=True)
+            return late_ms
+
+        count = estimator.settings.events_per_window
+        take = _Between(tracker, a.between, tell) if a.between else None
         try:
-            for image in images:
+            for image in devices.newest(device, a.modality, count, seconds=a.seconds, take_events=take):
                 skipped += image.skipped + (image.t_us <= last_us)
                 if image.t_us <= last_us:  # a clock that stood still or went back
                     continue
                 last_us = image.t_us
                 e = tracker(image.image, image.t_us, image.wider)
-                late_ms.append((device.now_us() - image.newest_us) * 1e-3)
+                late_ms.append(tell(e, image.newest_us))
                 statuses.append(str(e.status))
-                if journal:
-                    journal.add(e)
-                print(_line(e, late_ms[-1], a.json), flush=True)
         except KeyboardInterrupt:
             pass
     return statuses, late_ms, skipped
 
 
+class _Between:
+    """Takes events as they come, and tells the pose so many times a second while there is a track."""
+
+    def __init__(self, tracker: Tracker, rate_hz: float, tell: Callable[[Estimate, int], object]):
+        self._tracker, self._period_us, self._tell = tracker, 1e6 / rate_hz, tell
+        self._last_us, self._told_us = np.iinfo(np.int64).min, -np.inf
+
+    def __call__(self, events) -> None:
+        newest_us = np.maximum.accumulate(np.maximum(events["t_us"], self._last_us))
+        self._last_us = newest_us[-1]
+        self._tracker.add_events(events[events["t_us"] == newest_us])  # none of a clock that went back
+        if self._last_us >= self._told_us + self._period_us:
+            e = self._tracker.at(int(self._last_us))
+            if e.T_cam_port is not None:
+                self._told_us = self._last_us
+                self._tell(e, e.t_us)
+
+
 def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
     T = e.T_cam_port
     if as_json:
-        pose = {} if T is None else {
-            "position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()
-        }  # fmt: skip
-        return json.dumps({"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
-                           "late_ms": round(late_ms, 1), **pose})  # fmt: skip
+        others = {"predicted": e.predicted, "measured": e.measured}
+        facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
+                 "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
+        return json.dumps(facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None})
     status = coloured(f"{e.status:10}", GREEN if e.status == Status.OK else RED)
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
+
+
+def _as_json(T: Pose) -> dict[str, list[float]]:
+    return {"position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()}

@@ -124,10 +124,18 @@ class Attached:
 
 
 def newest(
-    device, modality: str, count: int, wait_s: float = 0.001, seconds: float | None = None
+    device,
+    modality: str,
+    count: int,
+    wait_s: float = 0.001,
+    seconds: float | None = None,
+    take_events: Callable[[np.ndarray], None] | None = None,
 ) -> Iterator[LiveImage]:
     """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
-    the device runs, or for so many seconds; a wider one where its time is after the image before."""
+    the device runs, or for so many seconds; a wider one where its time is after the image before.
+
+    ``take_events`` is called with all events (M,) that have come, before an image is made of them.
+    """  # fmt: skip
     recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
     began = time.monotonic()
     while device.running() and (seconds is None or time.monotonic() - began < seconds):
@@ -138,8 +146,11 @@ def newest(
             t_us, frame = pending[-1]
             yield LiveImage(t_us, frame, t_us, len(pending) - 1)
             continue
-        fresh += sum(len(chunk) for chunk in pending)
-        recent = concatenate_events([recent, *pending])[-math.ceil(OURS.second_look_factor) * count :]
+        come = concatenate_events(pending)
+        if take_events is not None and len(come):
+            take_events(come)
+        fresh += len(come)
+        recent = concatenate_events([recent, come])[-math.ceil(OURS.second_look_factor) * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue

@@ -11,7 +11,8 @@ import pandas as pd
 from ..pipeline.estimator import Estimator
 from ..pipeline.run import estimate_image, timed_images
 from ..settings import OURS, PAPER, Settings
-from ..tracking.tracker import Tracker, track_images
+from ..tracking.recorded import track_images
+from ..tracking.tracker import Tracker
 from ..types import AnyRecording, Estimate, Status
 from . import pose_errors
 from .right_and_wrong import is_wrong, shares

@@ -8,13 +8,11 @@ full.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from ..pipeline.estimator import Estimator
-from ..pipeline.run import TimedImage
 from ..types import Estimate, Status, check_time
 from .between import Between
 from .crop import expected_ring
@@ -166,22 +164,8 @@ class Tracker:
         if fits:
             self._track.add({modality: e})
         track = self._track.at(e.t_us)
+        e = replace(e, measured=e.T_cam_port)
         if track.T_cam_port is None:
-            return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port) if seen else e
+            return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.measured) if seen else e
         status = Status.OK if fits and seen else Status.PREDICTED
         return replace(e, status=status, T_cam_port=track.T_cam_port, covariance=track.covariance)
-
-
-def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tuple[np.ndarray, Estimate]]:
-    """``(image, answer)`` of each `TimedImage`, in the order of time; an image whose time is not after its
-    camera's last is passed over.
-
-    Of two images, the one of N events and the wider one, the image is that of the answer's time.
-    """
-    last_us: dict[int, int] = {}  # by the number of an image's axes: one camera each
-    for shot in timed:
-        if shot.t_us <= last_us.get(shot.image.ndim, -np.inf):
-            continue
-        last_us[shot.image.ndim] = shot.t_us
-        e = tracker(shot.image, shot.t_us, shot.wider)
-        yield (shot.wider[1] if shot.wider and e.t_us == shot.wider[0] else shot.image), e

@@ -59,6 +59,8 @@ class Estimate:
         The pose that is not reported because its confidence is too low: of status ``unsure``.
     predicted : Pose or None
         Of a tracker: where it expected the port before it looked at the image.
+    measured : Pose or None
+        Of a tracker: the pose by the image alone, or None where it shows none.
     outside_training : bool
         Whether the ring, in the networks' pixels, is smaller or larger than any that they were trained on.
     """
@@ -80,6 +82,7 @@ class Estimate:
     confidence: float = 0.0
     doubtful: Pose | None = None
     predicted: Pose | None = None
+    measured: Pose | None = None
     outside_training: bool = False
 
     def _repr_html_(self) -> str:

@@ -12,6 +12,7 @@ import time
 from itertools import pairwise
 
 import cv2
+import numpy as np
 import pytest
 import shtab
 from test_bad_input import write_camera
@@ -186,6 +187,34 @@ def test_a_track_of_both_cameras_is_one_file_in_the_order_of_time(tmp_path, caps
     assert code == 1 and "a track cannot be resumed" in err
 
 
+def test_events_between_images_add_poses_and_leave_the_images_statuses(tmp_path, capsys):
+    argv = ("estimate", MINI, "--modality", "event", "--rate", "10", "--track", "--json", "-o")
+    alone = json.loads(run(capsys, *argv, tmp_path / "a.csv")[1])
+    both = json.loads(run(capsys, *argv, tmp_path / "b.csv", "--between", "100")[1])
+    assert (both["images"], both["statuses"]) == (alone["images"], alone["statuses"])
+    images, answers = read_estimates(tmp_path / "a.csv"), read_estimates(tmp_path / "b.csv")
+    assert len(answers) == both["images"] + both["between"] > 5 * len(images)
+    assert [e.t_us for e in answers] == sorted(e.t_us for e in answers)
+    times_us = {e.t_us for e in images}
+    ticks = [e for e in answers if e.t_us not in times_us]
+    assert {e.status for e in ticks} == {"predicted"}
+    assert all((e.t_us - images[0].t_us) % 10_000 == 0 and e.covariance is not None for e in ticks)
+
+
+@pytest.mark.parametrize(
+    ("extra", "said"),
+    [
+        ((), "give --track"),
+        (("--track", "--format", "tum"), "cannot mark"),
+        (("--track", "--modality", "rgb"), "than rgb"),
+    ],
+)
+def test_poses_between_images_need_a_track_by_events(tmp_path, capsys, extra, said):
+    argv = ("estimate", MINI, "--modality", "event", "--between", "100", "-o", tmp_path / "p.csv", *extra)
+    code, _, err = run(capsys, *argv)
+    assert code == 1 and said in err and not list(tmp_path.iterdir())
+
+
 def test_evaluate_has_all_three(capsys):
     code, out, _ = run(capsys, "evaluate", MINI, "--rate", "10", "--json")
     found = json.loads(out)
@@ -232,6 +261,20 @@ def test_live_plays_a_recording_in_its_own_time(tmp_path, capsys):
     assert all(line["late_ms"] >= 0 for line in lines)
     code, out, err = run(capsys, "live", MINI, "--modality", "event", "--seconds", "1")
     assert code == 0 and " ms late" in out and "\033" not in out + err
+
+
+def test_live_tells_poses_between_histograms(tmp_path, capsys):
+    """Each answer is of the newest events; an image's also says what it shows alone."""
+    argv = ("live", MINI, "--modality", "event", "--between", "100", "--json", "-o", tmp_path / "p.csv")
+    code, out, err = run(capsys, *argv)
+    lines = [json.loads(line) for line in out.splitlines()]
+    images, between = ([line for line in lines if ("measured" in line) == image] for image in (True, False))
+    assert code == 0 and f"{len(images)} images" in err and " skipped" in err
+    assert len(between) > 0 and {line["status"] for line in between} == {"predicted"}
+    times_us = [line["t_us"] for line in between]
+    assert np.all(np.diff(times_us) >= 10_000)
+    assert all({"predicted", "confidence", "late_ms"} <= line.keys() for line in images[1:])
+    assert [e.t_us for e in read_estimates(tmp_path / "p.csv")] == [line["t_us"] for line in lines]
 
 
 def test_live_without_a_camera(capsys):

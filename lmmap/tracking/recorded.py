@@ -1,0 +1,87 @@
+"""A tracker's answers over a recording: one for each image and, by its events, at ticks between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ..pipeline.run import TimedImage
+from ..types import EVENT, Estimate
+from .tracker import Tracker
+
+
+def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tuple[np.ndarray, Estimate]]:
+    """``(image, answer)`` of each `TimedImage`, in the order of time; an image whose time is not after its
+    camera's last is passed over.
+
+    Of two images, the one of N events and the wider one, the image is that of the answer's time.
+    """
+    return (_answered(shot, tracker) for shot in _in_order(timed))
+
+
+def track_between(
+    timed: Iterable[TimedImage], tracker: Tracker, chunks: Iterable[np.ndarray], rate_hz: float
+) -> Iterator[tuple[np.ndarray | None, Estimate]]:
+    """`track_images`, and between them ``(None, answer)`` at ticks of ``rate_hz`` from the first image on,
+    by images and events until then, where there is a track.
+
+    Parameters
+    ----------
+    timed, tracker
+        As there, of a tracker with ``events``.
+    chunks
+        The camera's events, (M,) EVENT each, in the order of time.
+    """
+    events, first_us, last_us = _Events(chunks), None, None
+    for shot in _in_order(timed):
+        first_us, last_us = (shot.t_us, shot.t_us) if first_us is None else (first_us, last_us)
+        answers = []
+        for t_us in _ticks(first_us, last_us, shot.t_us, rate_hz):
+            events.tell(tracker, t_us)
+            if (e := tracker.at(t_us)).T_cam_port is None:
+                break
+            answers.append((None, e))
+        events.tell(tracker, shot.t_us)
+        answers.append(_answered(shot, tracker))  # a wider image is older than the last ticks
+        last_us = shot.t_us
+        yield from sorted(answers, key=lambda answer: answer[1].t_us)
+
+
+class _Events:
+    """The events of a stream, told to a tracker as its time goes on."""
+
+    def __init__(self, chunks: Iterable[np.ndarray]):
+        self._chunks, self._held = iter(chunks), np.zeros(0, EVENT)
+
+    def tell(self, tracker: Tracker, until_us: int) -> None:
+        """Those before a time."""
+        while self._held is not None:
+            stop = np.searchsorted(self._held["t_us"], until_us)
+            tracker.add_events(self._held[:stop])
+            if stop < len(self._held):
+                self._held = self._held[stop:]
+                return
+            self._held = next(self._chunks, None)
+
+
+def _ticks(first_us: int, after_us: int, before_us: int, rate_hz: float) -> Iterator[int]:
+    """The ticks between two times."""
+    tick = int((after_us - first_us) * rate_hz / 1e6)
+    while (t_us := first_us + round(tick * 1e6 / rate_hz)) < before_us:
+        if t_us > after_us:
+            yield t_us
+        tick += 1
+
+
+def _in_order(timed: Iterable[TimedImage]) -> Iterator[TimedImage]:
+    last_us: dict[int, int] = {}  # by the number of an image's axes: one camera each
+    for shot in timed:
+        if shot.t_us > last_us.get(shot.image.ndim, -np.inf):
+            last_us[shot.image.ndim] = shot.t_us
+            yield shot
+
+
+def _answered(shot: TimedImage, tracker: Tracker) -> tuple[np.ndarray, Estimate]:
+    e = tracker(shot.image, shot.t_us, shot.wider)
+    return (shot.wider[1] if shot.wider and e.t_us == shot.wider[0] else shot.image), e
