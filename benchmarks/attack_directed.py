@@ -34,6 +34,7 @@ def directed_files(folder: Path) -> dict[str, Path]:
         ".db3",
         ".raw",
         ".dat",
+        ".es",
         ".csv",
         ".npy",
         ".png",
@@ -292,6 +293,7 @@ def _directed_tables(files: dict, folder: Path) -> None:
         ("unicode.raw", "% evt 3.0\n% geometry \u00b2x\u00b3\n% end\n"),
         ("head.raw", "% a b\n" * 100_000),
         ("version.dat", "% version " + "9" * 5000 + "\n% end\n"),
+        ("size.es", "Event Stream\2\0\0\1" + "\xff" * 200_000),
     ):
         files[name] = folder / name
         files[name].write_bytes(content.encode("latin-1"))

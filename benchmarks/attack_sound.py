@@ -83,13 +83,14 @@ def sound_files(folder: Path, rng) -> dict[str, Path]:
 
 def _foreign_files(folder: Path, r: Recording) -> dict[str, Path]:
     """The recording in each format that the package reads and does not write."""
-    files = {suffix: folder / f"f{suffix}" for suffix in (".txt", ".csv", ".npy", ".raw", ".dat")}
+    files = {suffix: folder / f"f{suffix}" for suffix in (".txt", ".csv", ".npy", ".raw", ".dat", ".es")}
     rows = r.events.tolist()
     files[".txt"].write_text("".join(f"{t / 1e6:.6f} {x} {y} {int(p)}\n" for t, x, y, p in rows))
     files[".csv"].write_text("t_us,x,y,p\n" + "".join(f"{t},{x},{y},{int(p)}\n" for t, x, y, p in rows))
     np.save(files[".npy"], r.events)
     files[".raw"].write_bytes(foreign_files.evt3(r.events, r.camera.size_px))
     files[".dat"].write_bytes(foreign_files.dat(r.events, r.camera.size_px))
+    files[".es"].write_bytes(foreign_files.es(r.events, r.camera.size_px))
     files["CD.h5"] = folder / "CD.h5"
     with h5py.File(files["CD.h5"], "w") as file:
         columns = [r.events[name] for name in ("x", "y", "p", "t_us")]

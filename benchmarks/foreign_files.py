@@ -1,4 +1,4 @@
-"""Writers of formats that the package only reads: ROS 2 bags, and Prophesee's RAW and DAT.
+"""Writers of formats that the package only reads: ROS 2 bags, Prophesee's RAW and DAT, Event Stream.
 
 For tests and for the attack suite; each follows the published layout, bit for bit.
 """
@@ -156,6 +156,16 @@ def dat(events, size_px=(1280, 720)) -> bytes:
     return head + b"".join(
         struct.pack("<II", t & 0xFFFF_FFFF, int(p) << 28 | y << 14 | x) for t, x, y, p in events.tolist()
     )
+
+
+def es(events, size_px=(1280, 720)) -> bytes:
+    """Times from 0 on; a byte of 255 for each 127 us without events."""
+    content, last_us = [b"Event Stream", bytes([2, 0, 0, 1]), struct.pack("<HH", *size_px)], 0
+    for t, x, y, p in events.tolist():
+        overflows, since_us = divmod(t - last_us, 127)
+        content.append(b"\xff" * overflows + struct.pack("<BHH", since_us << 1 | p, x, size_px[1] - 1 - y))
+        last_us = t
+    return b"".join(content)
 
 
 def _size(size_px: tuple[int, int]) -> str:

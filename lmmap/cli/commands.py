@@ -74,7 +74,7 @@ class Commands:
             "recording",
             nargs=nargs,
             metavar=None,
-            help="AEDAT4, RAW, DAT, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, or folder of images",
+            help="AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images",
         )
         self.add_file(
             command,

@@ -17,6 +17,7 @@ from ..types import Camera, InputError, Recording
 from . import (
     aedat4,
     aedat4_writer,
+    event_stream,
     hdf5,
     images,
     pictures,
@@ -169,6 +170,7 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
     ("Prophesee DAT", (".dat",), prophesee.read_dat),
     ("HDF5 in the layouts of DSEC (ours too), MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
+    ("Event Stream of a DVS", (".es",), event_stream.read),
     ("events as text, t x y p", (".txt",), text.read),
     ("events as a table with named columns", (".csv",), tables.read_csv),
     ("events as a structured array of numpy", (".npy",), tables.read_npy),

@@ -3,6 +3,7 @@
 import json
 
 import cv2
+import foreign_files
 import h5py
 import numpy as np
 import pytest
@@ -54,6 +55,10 @@ def dat(path, r):
     path.write_bytes(content.replace(b"Width 1280", b"Width 346").replace(b"Height 720", b"Height 260"))
 
 
+def es(path, r):
+    path.write_bytes(foreign_files.es(r.events, r.camera.size_px))
+
+
 def prophesee_hdf5(path, r):
     rows = np.zeros(len(r.events), [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")])
     for name, field in (("t", "t_us"), ("x", "x"), ("y", "y"), ("p", "p")):
@@ -98,7 +103,7 @@ def folder(path, r):
 EVENTS = {
     "e.aedat4": ours, "e.bag": ours, "e.h5": ours, "e.hdf5": prophesee_hdf5, "e.txt": text, "e.csv": csv,
     "e.npy": npy, "evt2.raw": raw(prophesee.evt2), "evt21.raw": raw(prophesee.evt21),
-    "evt3.raw": raw(prophesee.evt3), "e.dat": dat, "e.mcap": packets(StoragePlugin.MCAP),
+    "evt3.raw": raw(prophesee.evt3), "e.dat": dat, "e.es": es, "e.mcap": packets(StoragePlugin.MCAP),
     "e.db3": packets(StoragePlugin.SQLITE3), "bag2": packets(StoragePlugin.SQLITE3),
 }  # fmt: skip
 FRAMES = {name: EVENTS[name] for name in ("e.aedat4", "e.bag", "e.h5", "e.mcap", "e.db3", "bag2")}

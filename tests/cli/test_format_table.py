@@ -49,7 +49,8 @@ def video(path, r):
 FILES = {  # a file of each of FORMATS, in their order, and what it is estimated from
     "e.aedat4": (every.ours, "event"), "e.bag": (every.ours, "event"), "bag": (every.EVENTS["bag2"], "event"),
     "e.raw": (every.EVENTS["evt3.raw"], "event"), "e.dat": (every.dat, "event"),
-    "e.hdf5": (every.prophesee_hdf5, "event"), "e.txt": (every.text, "event"), "e.csv": (every.csv, "event"),
+    "e.hdf5": (every.prophesee_hdf5, "event"), "e.es": (every.es, "event"),
+    "e.txt": (every.text, "event"), "e.csv": (every.csv, "event"),
     "e.npy": (every.npy, "event"), "pictures": (every.folder, "rgb"), "p.png": (picture, "rgb"),
     "v.mp4": (video, "rgb"),
 }  # fmt: skip

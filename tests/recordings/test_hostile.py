@@ -30,7 +30,8 @@ def ros2_bag(tmp_path_factory):
     return sound_files(tmp_path_factory.mktemp("sound"), np.random.default_rng(0))["ros2"]
 
 
-SUFFIXES = (".aedat4", ".bag", ".h5", ".txt", ".avi", ".mcap", ".db3", ".raw", ".dat", ".csv", ".npy", ".png")
+BINARY = (".aedat4", ".bag", ".h5", ".avi", ".mcap", ".db3", ".raw", ".dat", ".es", ".npy", ".png")
+SUFFIXES = (*BINARY, ".txt", ".csv")
 DIRECTED = (
     *(f"{kind}{suffix}" for kind in ("fifo", "zero") for suffix in SUFFIXES),
     *(f"sparse{suffix}" for suffix in SUFFIXES if suffix != ".avi"),
@@ -40,7 +41,8 @@ DIRECTED = (
     *("filter.h5", "frames.h5", "bomb.bag", "promise.bag", "repeated.mcap", "computed.db3"),
     *("packed file", "packed messages", "aliases"),
     *("many.npy", "absurd.npy", "object.npy", "wide.npy", "nested.npy"),
-    *("columns.csv", "twice.csv", "digits.csv", "huge.csv", "unicode.raw", "head.raw", "version.dat"),
+    *("columns.csv", "twice.csv", "digits.csv", "huge.csv"),
+    *("unicode.raw", "head.raw", "version.dat", "size.es"),
     *("gigapixel folder", "cut folder", "huge times", "int times", "nan times"),
 )
 
