@@ -106,7 +106,8 @@ def sequence_motion(seq: Sequence, t_s) -> Pose:
 
 
 def lamps(seq: Sequence) -> renderer.Lamps:
-    """The colocated lamp; in medium light also earthshine, a soft lamp; in high light also the sun."""
+    """The colocated lamp.  Medium light adds earthshine, a soft lamp; high light adds the sun instead, and in
+    augmented sequences keeps both."""
     rng = seq.rng("lamps")
     position, intensity, radius = [COLOCATED_M], [np.ones(3)], [0.01]
     if seq.light == "medium" or (seq.light == "high" and seq.name.startswith("augmented")):
