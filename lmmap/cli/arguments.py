@@ -120,6 +120,7 @@ def _add_recordings(commands: Commands) -> None:
     commands.add_file(
         command, "--video", help="overlay to write, .mp4 or .avi; takes two or three times as long"
     )
+    commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
     command.add_argument(
         "--track",
         action="store_true",
@@ -141,7 +142,9 @@ def _add_recordings(commands: Commands) -> None:
     commands.add_file(command, "--port", help="the estimate's own")
     command.add_argument("--rate", type=float, metavar="HZ", help="the estimate's own")
     command.add_argument("--events", type=int, metavar="N", help="the estimate's own")
-    commands.add_output(command, "video to write: .mp4, which browsers play, or .avi", required=True)
+    commands.add_output(
+        command, "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun", required=True
+    )
 
     command = commands.add(
         "evaluate",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..files import check_output
 from ..pages.overlay import Overlay
+from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.image_estimator import settings_for
 from ..recordings.pose_files import read_estimates
@@ -13,13 +14,14 @@ from .progress import Bar
 
 
 def draw(a) -> None:
-    """A video of the estimates, each on the frame or histogram of its time."""
+    """A video of the estimates, or a file for Rerun, each on the frame or histogram of its time."""
     check_output(a.output, [*input_files(a), a.poses], overwrite=a.overwrite)
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
     timed_images = run.timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
     drawn = poses = 0
-    with Overlay(a.output, find_port(a), stream.camera) as video, Bar(stream, a.modality) as bar:
+    view = RerunLog if a.output.suffix.lower() == ".rrd" else Overlay
+    with view(a.output, find_port(a), stream.camera) as video, Bar(stream, a.modality) as bar:
         for timed in timed_images:
             images = dict([timed.wider] if timed.wider else []) | {timed.t_us: timed.image}
             for t_us in sorted(images.keys() & estimates.keys()):

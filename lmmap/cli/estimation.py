@@ -7,12 +7,13 @@ import heapq
 import json
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
 from ..files import check_output
 from ..pages.overlay import Overlay
+from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.weights import FILTERS, weight_path
 from ..recordings.journal import Journal, recording_mark
@@ -29,18 +30,18 @@ from .progress import Bar, summary
 
 def estimate(a) -> None:
     """Poses of a recording, of one camera's images or of both."""
-    if a.video and a.resume and a.video.exists():
-        raise InputError(
-            f"{a.video}: a video cannot be resumed; leave --video out, and draw it with lmmap draw"
-        )
+    shown = [path for path in (a.video, a.rerun) if path]
+    for path in shown:
+        if a.resume and path.exists():
+            raise InputError(f"{path}: a drawing cannot be resumed; leave it out, and use lmmap draw")
+        if a.modality == "fused" and (path == a.video or not a.track):
+            raise InputError(f"{path}: a drawing shows one camera's images; give --modality rgb or event")
     if a.track and a.resume:
         raise InputError(f"{a.output}: a track cannot be resumed; leave --resume out, and give --overwrite")
     if a.between is not None:
         if not a.track:
             raise InputError("--between: a track is followed between its images; give --track as well")
         check_between(a)
-    if a.video and a.modality == "fused":
-        raise InputError(f"{a.video}: a video shows one camera's images; give --modality rgb or event")
     if a.between and (a.format or a.output.suffix.lstrip(".")) == "tum":
         raise InputError(f"{a.output}: TUM's format cannot mark poses between images; give a name in .csv")
     a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
@@ -48,8 +49,8 @@ def estimate(a) -> None:
     parts = [_part(a, modality) for modality in pose_errors.MODALITIES] if fused else []
     for path in (a.output, *parts):
         check_output(path, input_files(a), overwrite=a.overwrite or a.resume)
-    if a.video:
-        check_output(a.video, [*input_files(a), a.output], overwrite=a.overwrite)
+    for path in shown:
+        check_output(path, [*input_files(a), a.output], overwrite=a.overwrite)
     stream = open_input(a)
     if parts:
         _estimate_fused(a, stream)
@@ -62,9 +63,13 @@ def _estimate_single(a, stream: Stream) -> None:
     modalities = pose_errors.MODALITIES if a.modality == "fused" else (a.modality,)
     estimators, stopped = {m: make_estimator(a, stream.camera, m) for m in modalities}, False
     first = estimators[modalities[0]]
-    video = Overlay(a.video, first.port, stream.camera) if a.video else nullcontext()
+    views = [view(path, first.port, stream.camera)
+             for view, path in ((Overlay, a.video), (RerunLog, a.rerun)) if path]  # fmt: skip
     made_of = _made_of(a, a.modality, list(estimators.values()))
-    with Journal(a.output, a.format, a.resume, made_of) as journal, video:
+    with ExitStack() as files:
+        journal = files.enter_context(Journal(a.output, a.format, a.resume, made_of))
+        for view in views:
+            files.enter_context(view)
         resumed, poses, between = len(journal.statuses), 0, 0
         try:
             with Bar(stream, a.modality) as bar:
@@ -82,11 +87,12 @@ def _estimate_single(a, stream: Stream) -> None:
                     answers = run.estimate_images(left, first)
                 for image, e in answers:
                     journal.add(e)
+                    mask = _ring_mask(estimators, image) if views and image is not None else None
+                    for view in views:
+                        view.add(image, e, mask)
                     if image is None:
                         between += 1
                         continue
-                    if a.video:
-                        video.add(image, e, first.ring_mask(image))
                     poses += e.status == Status.OK
                     bar.show(e.t_us, len(journal.statuses) - resumed - between, poses)
         except KeyboardInterrupt:
@@ -94,6 +100,11 @@ def _estimate_single(a, stream: Stream) -> None:
         if not journal.statuses and not stopped:
             raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings)
     _report(a, journal, resumed, stopped, between)
+
+
+def _ring_mask(estimators: dict, image):
+    """The ring's mask (H, W) of a frame or a histogram, by its modality's estimator."""
+    return estimators["rgb" if image.ndim == 3 else "event"].ring_mask(image)
 
 
 def _estimate_fused(a, stream: Stream) -> None:

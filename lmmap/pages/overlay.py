@@ -61,7 +61,7 @@ def draw(
             f"draw: expected an image of (H, W) = {camera.size_px[::-1]}, as the camera's, got {image.shape}"
         )
     scale = max(1, round(WIDTH_PX / camera.width_px))
-    picture = _background(image)
+    picture = background(image)
     if ring_mask is not None:
         tint = ring_mask[..., None] * np.array(COLOUR["mask"], np.float32)
         picture = picture * (1 - 0.5 * ring_mask[..., None]) + 0.5 * tint
@@ -87,7 +87,8 @@ def draw(
     return np.vstack([picture, _caption(estimate, picture.shape[1])])
 
 
-def _background(image: np.ndarray) -> np.ndarray:
+def background(image: np.ndarray) -> np.ndarray:
+    """An image as RGB (H, W, 3) in [0, 255]: a frame as it is, a histogram in grey, its brightest clipped."""
     if image.ndim == 3:
         return image.astype(np.float32)
     gray = np.minimum(image / max(float(np.percentile(image, 99.5)), 1.0), 1.0) * 255
@@ -120,8 +121,10 @@ class Overlay:
         if not path.parent.is_dir():
             raise InputError(f"{path}: no folder {path.parent}; make it first")
 
-    def add(self, image: np.ndarray, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
-        """Draw the next image of the video."""
+    def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
+        """Draw the next image of the video; an estimate between images has none and is passed over."""
+        if image is None:
+            return
         picture = draw(image, estimate, self.camera, self.port, ring_mask)[..., ::-1]
         if self._first is None:
             self._first = estimate.t_us, picture
