@@ -1,7 +1,7 @@
 """The paper's comparison with visual odometry: relative position errors over parts of the path.
 
-Trajectories are files: ours and those that ``make vo`` lets ORB-SLAM3 and SVO write lie in
-``data/results/odometry``, with the log of the runs; EVO's, if a user has one, goes there too.
+Trajectories are files: ours and those that ``make vo`` lets ORB-SLAM3, SVO and EVO write lie in
+``data/results/odometry``, with the log of the runs; that of another EVO, if a user has one, goes there too.
 """
 
 from __future__ import annotations
