@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
-from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, wide_table
+from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
 
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 
@@ -89,10 +89,15 @@ def assumptions_table(effects: pd.DataFrame):
     return rows.rename_axis(index=(None, None)).style.format(precision=1, na_rep="none")
 
 
-def seed_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Cells of `pose_errors.summary` by ``seed``, ``light`` and ``modality``, in words."""
-    cells = table[table.variant == "exact"].assign(row="seed " + table.seed.astype(str))
-    return wide_table(cells, ("median", "in_fov"), list(cells.row.unique()))
+def default_table(table: pd.DataFrame):
+    """`accuracy_tables.default_networks` of the images with the ring in view in words, styled."""
+    columns = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "none_percent": "no pose (%)",
+               "position_error_m": "position (mm)", "normal_error_deg": "normal (°)",
+               "inside_95_percent": "in the 95 % region (%)", "images": "images"}  # fmt: skip
+    rows = table[table.light.isin(list(LIGHTS))].assign(position_error_m=1e3 * table.position_error_m)
+    rows = rows.replace({"modality": CAMERAS, "light": LIGHTS}).set_index(["light", "modality"])
+    rows = rows[list(columns)].astype({"images": int}).rename(columns=columns)
+    return rows.rename_axis(index=(None, None)).style.format(precision=1)
 
 
 def saturation_table(shares: pd.DataFrame, paper_percent: np.ndarray):

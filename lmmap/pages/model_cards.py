@@ -15,7 +15,8 @@ from ..settings import OURS
 from ..training import mask_quality
 from ..types import Camera, Port, Recording
 from . import filters_page
-from .tables import CAMERAS
+from .drawings import COLOUR
+from .tables import CAMERAS, LIGHTS
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
 LENSES = {  # for the range of distances
@@ -53,6 +54,39 @@ def tests(domain_gap: str) -> pd.DataFrame:
         "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
         "no pose (%)": chosen.none_percent, "images": chosen.images,
     })  # fmt: skip
+
+
+def equal_training() -> pd.DataFrame:
+    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
+    seeds, and in brackets the least and the most."""
+    table = pd.read_csv(DATA / "results" / "equal-training.csv")
+    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
+    columns = {}
+    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
+        digits = 2 if name == "iou" else 0
+        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
+        wide = texts.unstack("domain_gap")
+        columns |= {f"{title}, {gap} gap": wide[gap] for gap in ("low", "high")}
+    rows = pd.DataFrame(columns).reset_index()
+    rows["modality"], rows["light"] = rows.modality.map(CAMERAS), rows.light.map(LIGHTS)
+    return rows.rename(columns={"modality": "camera"}).sort_values("camera", ascending=False, kind="stable")
+
+
+def draw_equal_training(table: pd.DataFrame):
+    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
+    the high gap's, a dot for each seed."""
+    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
+    for ax, modality in zip(axes, CHANNELS, strict=True):
+        for shift, gap in ((-0.12, "low"), (0.12, "high")):
+            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
+            at = cells.light.map(list(LIGHTS).index) + shift
+            face = COLOUR[modality] if gap == "low" else "none"
+            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
+                       label=f"{gap} gap")  # fmt: skip
+        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
+        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
+        ax.legend(loc="lower left")
+    return fig
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:

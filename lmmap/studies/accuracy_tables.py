@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ..settings import OURS
 from ..training.mask_quality import medians
 from . import error_statistics, ladder, pose_errors
 from .pose_errors import DOMAIN_GAPS, MODALITIES, TRACKS
@@ -16,8 +17,8 @@ DRAWS, SEED = 1000, 0  # of the bootstrap
 
 
 def label(name: str, modality: str, gap: str) -> str:
-    """Name of a sequence's files for a modality and the filters of a domain gap; low needs no mention."""
-    return f"{name}-{modality}" + ("-high-gap" if gap == "high" else "")
+    """Name of a sequence's files for a modality and a set of networks; low needs no mention."""
+    return f"{name}-{modality}" + {"low": "", "high": "-high-gap"}.get(gap, f"-{gap}")
 
 
 def tables(folder: Path, tests: dict[str, list[str]], names: list[str]) -> dict[str, pd.DataFrame]:
@@ -35,11 +36,34 @@ def tables(folder: Path, tests: dict[str, list[str]], names: list[str]) -> dict[
     whole = {name: pd.concat(part[name] for part in parts) for name in parts[0]}
     fits = [pd.read_csv(folder / f"filters-{name}.csv").assign(light=light)
             for light, sequences in tests.items() for name in sequences]  # fmt: skip
+    counts = pd.concat(pd.read_csv(folder / f"counts-{name}.csv") for name in names)
     return whole | {
-        "counts": pd.concat(pd.read_csv(folder / f"counts-{name}.csv") for name in names),
+        "counts": counts[counts.weights == "low"].drop(columns="weights"),
+        "default": default_networks(folder, tests, counts[counts.weights == OURS.weights]),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
+
+
+def default_networks(folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame) -> pd.DataFrame:
+    """What the default networks do: a row for each track in each light, and on images without a port.
+
+    Returns
+    -------
+    DataFrame
+        ``light`` (or ``no port``), ``modality``; ``right_percent``, ``wrong_percent`` and ``none_percent`` of
+        the ``images`` with the ring in view; median errors; ``inside_95_percent`` of the poses in their
+        region.  Without a port, ``poses`` of all ``images``.
+    """
+    rows = []
+    for (light, names), track in product(tests.items(), TRACKS):
+        errors = [pd.read_csv(folder / f"errors-{label(n, track, OURS.weights)}.csv") for n in names]
+        answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
+        medians = pd.concat(errors)[list(pose_errors.METRICS)].median()
+        inside = error_statistics.coverage(errors, DRAWS, SEED)["inside_95_percent"]
+        rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
+    empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
+    return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 
 
 def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[str, pd.DataFrame]:

@@ -1,6 +1,5 @@
 """The accuracy chapter's tables: each number where it belongs."""
 
-import re
 from itertools import product
 
 import numpy as np
@@ -47,19 +46,13 @@ def test_sequences_stand_by_name_with_their_cameras_together():
     assert table.loc[("test-low-1", "fused")].tolist() == [2, 1, 99, 90]
 
 
-def test_seeds_stand_one_under_the_other():
-    cells = product(range(3), ("low", "medium", "high"), ("rgb", "event"), tables.WORDS, ("exact", "printed"))
-    rows = [(*at, metric, statistic, variant, 1e-3 * (k + 1), 1e-3 * k, 1e-3 * (k + 2))
-            for k, (*at, (metric, statistic), variant) in enumerate(cells)]  # fmt: skip
-    names = ["seed", "light", "modality", "metric", "statistic", "variant", "value", "low", "high"]
-    table = pd.DataFrame(rows, columns=names)
-    wide = accuracy_page.seed_table(table)
-    assert wide.shape == (5 * 3, 3 * 2) and wide.notna().all(axis=None)
-    one = table.query("seed == 2 and light == 'high' and modality == 'event' and variant == 'exact'")
-    one = one.query("metric == 'position_error_m' and statistic == 'median'")
-    mm = 1e3 * one[["value", "low", "high"]].to_numpy()[0]
-    text = wide.loc[("position (mm)", "seed 2"), ("high light", "events")]
-    assert [float(part) for part in re.findall(r"[0-9.]+", text)] == pytest.approx(mm, rel=0.005)
+def test_the_default_networks_table_has_the_lights_and_no_image_without_a_port():
+    names = ["light", "modality", "right_percent", "wrong_percent", "none_percent", "images",
+             "position_error_m", "normal_error_deg", "rotation_error_deg", "inside_95_percent"]  # fmt: skip
+    rows = [("high", "event", 90, 1, 9, 60, 0.0015, 0.5, 0.7, 94), ("no port", "event", *[np.nan] * 8)]
+    table = accuracy_page.default_table(pd.DataFrame(rows, columns=names)).data
+    assert table.index.tolist() == [("high light", "events")]
+    assert table.iloc[0].tolist() == [90, 1, 9, 1.5, 0.5, 94, 60]
 
 
 def test_coverage_by_hand():
