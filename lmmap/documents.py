@@ -6,6 +6,7 @@ import json
 import math
 import re
 
+MAX_YAML_LETTERS = 2**17  # of which the parser takes two seconds
 MAX_DEPTH = 20  # of nested lists and objects; a calibration has three
 
 
@@ -16,6 +17,8 @@ def read_yaml(text: str):
     """
     import yaml  # only who has a calibration in YAML waits for it
 
+    if len(text) > MAX_YAML_LETTERS:
+        raise ValueError(f"{len(text)} letters, and at most {MAX_YAML_LETTERS} are read")
     text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
     try:
         depth = 0
