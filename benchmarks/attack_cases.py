@@ -12,6 +12,8 @@ from attack_directed import directed_files
 from attack_mutations import mutated
 from attack_sound import sound_files
 
+OF_FOLDERS = ("weights", "card", "rig.json", "hand-eye.yaml")  # what is read with the files beside it
+
 
 class Case(NamedTuple):
     """A command's name, the format that it is attacked with, what is done to it, and its arguments."""
@@ -45,9 +47,12 @@ def commands(path: Path, kind: str, folder: Path, sound: dict[str, Path]) -> dic
         }
     calibrate = ["calibrate", "-o", f"{out}.json", "--overwrite", "--rate", "20"]
     if kind == "hand-eye.yaml":
-        return {"calibrate": [*calibrate, str(sound["rig.bag"]), "--hand-eye", str(path)]}
+        return {
+            "calibrate": [*calibrate, str(sound["rig.bag"]), "--hand-eye", str(path)],
+            "dataset": ["dataset", "check", str(path.parent)],
+        }
     if kind == "rig.json":
-        bag = str(path.with_name("rig.bag"))
+        bag = str(path.with_name(sound["rig.bag"].name))
         return {"evaluate": ["evaluate", bag, "--modality", "rgb", "--rate", "2"]}
     rig_camera = sound["rig.bag"].with_suffix(".camera.json")
     camera = ["--camera", str(rig_camera if kind == "rig.bag" else sound["camera.json"])]
@@ -113,7 +118,7 @@ def cases(
 
 def _mutate(kind: str, path: Path, folder: Path, rng) -> tuple[str, Path]:
     """What was done, and the damaged copy; where a file belongs to a folder, the folder is copied."""
-    whole = path if path.is_dir() else path.parent if kind in ("weights", "card", "rig.json") else None
+    whole = path if path.is_dir() else path.parent if kind in OF_FOLDERS else None
     if whole is not None:
         shutil.rmtree(folder / whole.name, ignore_errors=True)
         shutil.copytree(whole, folder / whole.name)

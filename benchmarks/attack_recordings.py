@@ -1,6 +1,7 @@
 """Attack every command with damaged and hostile files, and count what it answers.
 
     python benchmarks/attack_recordings.py [CASES] [SEED] [--formats NAMES] [--only NAMES] [--keep FOLDER]
+    python benchmarks/attack_recordings.py --sum OUTPUT [OUTPUT ...]
 
 A case is a command on a file: a sound one with a structured mutation of its format, or a directed attack on
 one promise of it.  Each runs in a process of its own, forked from one that has imported everything, under
@@ -20,6 +21,7 @@ import argparse
 import collections
 import functools
 import hashlib
+import io
 import json
 import resource
 import select
@@ -33,12 +35,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from attack_cases import Case, cases, commands
 from attack_sound import sound_files
 
 from lmmap.cli import main as command
 
 MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, WALL_S = 2**30, 3 * 2**30, 10.0, 20, 180.0
+HEADER = "command,format,cases,exit_0,exit_1,violations,most_mb,longest_s"
 NO_EVENTS = ("folder", "numbered", ".avi", ".png")
 REFUSED = {f"estimate {kind}" for kind in NO_EVENTS}  # of sound files: no other command may refuse one
 
@@ -183,13 +187,22 @@ def print_table(answered: list[tuple[Case, Answer]]) -> None:
     for case, result in answered:
         for row in ((case.command, case.format), (case.command, ""), ("all", "")):
             groups[row].append(result)
-    print("command,format,cases,exit_0,exit_1,violations,most_mb,longest_s")
+    print(HEADER)
     for row in sorted(groups):
         results = groups[row]
         codes = [None if r.violation else r.code for r in results]
         most_mb = max(r.bytes for r in results) / 2**20
         print(*row, len(codes), *map(codes.count, (0, 1, None)), f"{most_mb:.0f}",
               f"{max(r.seconds for r in results):.1f}", sep=",")  # fmt: skip
+
+
+def sum_tables(paths: list[Path]) -> pd.DataFrame:
+    """The table of several runs together, such as of several seeds at once, from what each printed."""
+    texts = [HEADER + path.read_text().partition(HEADER)[2].partition("{")[0] for path in paths]
+    tables = pd.concat(pd.read_csv(io.StringIO(text)) for text in texts)
+    how = dict.fromkeys(("cases", "exit_0", "exit_1", "violations"), "sum")
+    how |= dict.fromkeys(("most_mb", "longest_s"), "max")
+    return tables.fillna({"format": ""}).groupby(["command", "format"]).agg(how).reset_index()
 
 
 def warm_up() -> None:
@@ -218,8 +231,11 @@ if __name__ == "__main__":
     parser.add_argument("--formats", default="", help="mutate only these, such as .bag,CD.h5")
     parser.add_argument("--only", default="", help="run only these commands, such as calibrate,score")
     parser.add_argument("--keep", type=Path, help="a folder for the files whose answers are violations")
+    parser.add_argument("--sum", type=Path, nargs="+", help="what runs printed: print their sum instead")
     parser.add_argument("--sound-in", type=Path, help="run each command on sound files here instead")
     arguments = parser.parse_args()
+    if arguments.sum:
+        sys.exit(print(sum_tables(arguments.sum).to_csv(index=False), end=""))
     began = time.monotonic()
     warm_up()
     if arguments.sound_in:

@@ -48,11 +48,10 @@ def write(folder: Path, rng) -> dict[str, Path]:
     """The bag, its camera, the hand-eye file and the rig, in a folder of their own."""
     folder = folder / "rig"
     folder.mkdir()
-    r, path = standin.shift_time(recording(rng), standin.START_US), folder / "rig.bag"
+    r, path = standin.shift_time(recording(rng), standin.START_US), folder / "normal__train.bag"
     joints = ur5e.follow(standin.arm_poses(motion(IMAGES)))
     rosbag_writer.write(r, path, tf.arm_messages(r.frames_t_us, joints), calibrated=False)
-    CAMERA.save(folder / "rig.camera.json")
+    CAMERA.save(path.with_suffix(".camera.json"))
     standin.write_hand_eye(folder / "hand-eye.yaml")
     standin.RIG.save(folder / "rig.json")
-    names = ("rig.bag", "hand-eye.yaml", "rig.json")
-    return {name: folder / name for name in names}
+    return {"rig.bag": path, "hand-eye.yaml": folder / "hand-eye.yaml", "rig.json": folder / "rig.json"}
