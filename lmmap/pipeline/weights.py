@@ -10,7 +10,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from ..files import atomic, read_text
+from ..files import atomic, read_text, regular_file
 from ..provenance import DATA
 from ..types import InputError
 from .network import CHANNELS, FilterNet, MaskNetwork
@@ -63,8 +63,8 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
             f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
         )
     try:
-        if path.is_file() and path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES} bytes")
+        if path.exists():
+            regular_file(path, MAX_BYTES)  # opening a pipe would wait for ever
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
         card = load_card(path)

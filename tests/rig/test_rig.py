@@ -10,6 +10,7 @@ import pytest
 import yaml
 from rosbags.rosbag1 import Writer
 
+from lmmap.cli import main
 from lmmap.recordings import rosbag
 from lmmap.rig import standin, tf, ur5e
 from lmmap.rig.rig import Rig, read_hand_eye, scale_port
@@ -108,6 +109,14 @@ def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
         monkeypatch.setitem(globals(), "_less", lambda raw, _, edit=edit: _edited(raw, edit))
         path = write_arm(tmp_path / f"{edit.__name__}.bag")
         assert said in line(tf.arm_motion, path, "base_link", "tool0")
+
+
+def test_an_error_is_one_line_whatever_names_it_repeats(tmp_path, capsys):
+    path = write_arm(tmp_path / "a.bag")
+    code = main.main(["calibrate", str(path), "--base", "a\nb", "--effector", "c" * 5000])
+    err = capsys.readouterr().err
+    assert code == 1 and err.startswith("lmmap: ") and "a b" in err
+    assert len(err.splitlines()) == 1 and len(err) < 2100
 
 
 def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
