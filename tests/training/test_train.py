@@ -93,10 +93,9 @@ def _run(recipe, folder, steps):
         return original(samples, recipe, step)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(train, "CHECKPOINT_STEPS", steps - 1)
         patch.setattr(train, "make_batch", batch)
         with pytest.raises(Killed):
-            train.train(recipe, folder, quiet)
+            train.train(recipe, folder, quiet, every=steps - 1)
 
 
 def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
