@@ -95,6 +95,10 @@ def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
         some[3].transform.translation.x = np.nan
         return some
 
+    def far(some):
+        some[3].transform.translation.x = 1e300
+        return some
+
     def turned_by_nothing(some):
         some[3].transform.rotation = replace(some[3].transform.rotation, x=0.0, y=0.0, z=0.0, w=0.0)
         return some
@@ -104,6 +108,7 @@ def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
         return [*some, back]
 
     for edit, said in ((nowhere, "forearm_link to wrist_1_link is not finite"),
+                       (far, "forearm_link to wrist_1_link has a position beyond"),
                        (turned_by_nothing, "forearm_link to wrist_1_link has a quaternion"),
                        (looped, "with base_link to wrist_3_link and without")):  # fmt: skip
         monkeypatch.setitem(globals(), "_less", lambda raw, _, edit=edit: _edited(raw, edit))
