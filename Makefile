@@ -19,6 +19,9 @@ export JUPYTER_PREFER_ENV_PATH := 1
 unexport JUPYTER_PATH PYTHONPATH
 # Figures go where each cell is; with another backend there would be none.
 unexport MPLBACKEND
+# Matplotlib's settings and list of fonts are this environment's: a broken one of the user's would talk in a cell.
+export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
+unexport MATPLOTLIBRC
 # Of results and pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
 book reproduce evaluate serve lab pdf: export LMMAP_PRECISION := float32
 

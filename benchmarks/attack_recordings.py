@@ -1,6 +1,7 @@
 """Attack every command with damaged and hostile files, and count what it answers.
 
-    python benchmarks/attack_recordings.py [CASES] [SEED] [--formats NAMES] [--keep FOLDER]
+    python benchmarks/attack_recordings.py [CASES] [SEED] [--formats NAMES] [--only NAMES] [--keep FOLDER]
+    python benchmarks/attack_recordings.py --sum OUTPUT [OUTPUT ...]
 
 A case is a command on a file: a sound one with a structured mutation of its format, or a directed attack on
 one promise of it.  Each runs in a process of its own, forked from one that has imported everything, under
@@ -20,6 +21,7 @@ import argparse
 import collections
 import functools
 import hashlib
+import io
 import json
 import resource
 import select
@@ -33,22 +35,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from attack_directed import directed_files
-from attack_mutations import mutated
+import pandas as pd
+from attack_cases import Case, cases, commands
 from attack_sound import sound_files
 
 from lmmap.cli import main as command
 
 MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, WALL_S = 2**30, 3 * 2**30, 10.0, 20, 180.0
-
-
-class Case(NamedTuple):
-    """A command's name, the format that it is attacked with, what is done to it, and its arguments."""
-
-    command: str
-    format: str
-    attack: str
-    argv: list[str]
+HEADER = "command,format,cases,exit_0,exit_1,violations,most_mb,longest_s"
+NO_EVENTS = ("folder", "numbered", ".avi", ".png")
+REFUSED = {f"estimate {kind}" for kind in NO_EVENTS}  # of sound files: no other command may refuse one
 
 
 class Answer(NamedTuple):
@@ -125,111 +121,19 @@ def answer(argv: list[str]) -> Answer:
     return Answer(os.waitstatus_to_exitcode(status), text, bytes_above, used.ru_utime + used.ru_stime)
 
 
-# --- cases ----------------------------------------------------------------------------------------
-
-
-def commands(path: Path, kind: str, folder: Path, sound: dict[str, Path]) -> dict[str, list[str]]:
-    """Every command that reads a file of a kind, by its name."""
-    out, recording_path = folder / "out", sound[".h5"]
-    fast = ["--modality", "event", "--rate", "2", "--events", "500"]
-
-    def estimate(recording: Path, *extra: str) -> list[str]:
-        return ["estimate", str(recording), *extra, "-o", f"{out}.csv", "--overwrite"]
-
-    if kind.startswith(("camera", "camchain")):
-        return {"info": ["info", str(recording_path), "--camera", str(path)]}
-    if kind == "port.json":
-        return {"estimate": estimate(recording_path, *fast, "--port", str(path))}
-    if kind in ("weights", "card"):
-        return {"estimate": estimate(recording_path, *fast, "--weights", str(path.parent))}
-    if kind.startswith("truth"):
-        return {
-            "evaluate": ["evaluate", str(recording_path), "--truth", str(path), "--modality", "rgb"],
-            "score": ["odometry", "score", str(path), "--reference", str(sound["truth.csv"])],
-        }
-    camera = ["--camera", str(sound["camera.json"])]
-    if kind == "numbered":
-        camera += ["--fps", "2"]
-    every = {
-        "info": ["info", str(path), *camera],
-        "estimate": estimate(path, *camera, *fast),
-        "estimate rgb": [
-            "estimate",
-            str(path),
-            *camera,
-            "--modality",
-            "rgb",
-            "-o",
-            f"{out}.tum",
-            "--overwrite",
-        ],
-        "evaluate": ["evaluate", str(path), *camera, *fast, "--truth", str(sound["truth.csv"])],
-        "export": ["odometry", "export", str(path), f"{out}-folder", *camera, "--overwrite"],
-        "live": ["live", str(path), *camera, "--modality", "event", "--events", "500", "--seconds", "0.5"],
-    }
-    if kind.endswith("bag"):
-        every["calibrate"] = ["calibrate", str(path), *camera, "-o", f"{out}.json", "--overwrite"]
-        every["dataset"] = ["dataset", "check", str(path.parent)]
-    return every
-
-
-def cases(count: int, seed: int, folder: Path, directed: bool = True, formats: tuple[str, ...] = ()):
-    """Yield the directed attacks and then mutated files, up to ``count``; each is written for its case.
-
-    ``formats`` are those to mutate, all by default.
-    """
-    rng = np.random.default_rng(seed)
-    for name in ("sound", "directed", "mutated"):
-        (folder / name).mkdir()
-    sound = sound_files(folder / "sound", rng)
-    yielded = 0
-    for name, path in (directed_files(folder / "directed") if directed else {}).items():
-        kind = path.suffix or "folder"
-        for which, argv in commands(path, kind, folder, sound).items():
-            if which != "dataset" and yielded < count:
-                yielded += 1
-                yield Case(which, kind, f"directed: {name}", argv)
-    kinds = sorted(formats or sound)
-    while yielded < count:
-        kind = kinds[rng.integers(len(kinds))]
-        path = sound[kind]
-        attack, target = _mutate(kind, path, folder / "mutated", sound, rng)
-        names = commands(target, kind, folder, sound)
-        which = sorted(names)[rng.integers(len(names))]
-        yielded += 1
-        yield Case(which, kind, attack, names[which])
-
-
-def _mutate(kind: str, path: Path, folder: Path, sound: dict[str, Path], rng) -> tuple[str, Path]:
-    """What was done, and the damaged copy; where a file belongs to a folder, the folder is copied."""
-    whole = path if path.is_dir() else path.parent if kind in ("weights", "card") else None
-    if whole is not None:
-        shutil.rmtree(folder / whole.name, ignore_errors=True)
-        shutil.copytree(whole, folder / whole.name)
-    target = folder / path.relative_to(whole.parent) if whole else folder / path.name
-    damaged = target
-    if path.is_dir():
-        inside = sorted(target.iterdir())
-        damaged = inside[rng.integers(len(inside))]
-    source = path / damaged.name if path.is_dir() else path
-    is_text = source.suffix in (".txt", ".csv", ".tum", ".json", ".yaml")
-    attack, content = mutated(source.read_bytes(), rng, is_text)
-    damaged.write_bytes(content)
-    return attack + (f" in {damaged.name}" if path.is_dir() else ""), target
-
-
 def attack(
     count: int,
     seed: int,
     report=print,
     directed: bool = True,
     formats: tuple[str, ...] = (),
+    only: tuple[str, ...] = (),
     keep: Path | None = None,
 ) -> list[tuple[Case, Answer]]:
     """Run so many cases; each with its answer.  The files of violations are kept in a folder ``keep``."""
     answered = []
     with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:  # what was answered is printed
-        for case in cases(count, seed, Path(folder), directed, formats):
+        for case in cases(count, seed, Path(folder), directed, formats, only):
             result = answer(case.argv)
             answered.append((case, result))
             if result.violation:
@@ -244,23 +148,28 @@ def attack(
 
 def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
     """Run every command on recordings, and estimate from every format; arguments and problem of each bad
-    answer.  Prints the commands."""
+    answer, which a refusal is too.  Prints the commands."""
     inputs = folder / "inputs"
     inputs.mkdir()
+    (folder / "drawn").mkdir()
     sound = sound_files(inputs, np.random.default_rng(0))
     poses, modality = str(folder / "poses.csv"), ("--modality", "event")
     todo = {"info": ["info", str(sound[".h5"])]}
     for kind, path in sound.items():  # each format once, each command once
-        every = commands(path, kind, folder, sound).items()
-        todo |= {name if name != "estimate" else f"{name} {kind}": argv for name, argv in every}
+        every = commands(path, kind, folder, sound)
+        for name, argv in every.items():
+            is_own = name == "estimate" or len(every) <= 3  # of what is no recording, all
+            todo.setdefault(f"{name} {kind}" if is_own else name, argv)
     todo |= {
         "poses": ["estimate", str(sound[".h5"]), *modality, "--events", "500", "-o", poses],
         "draw": ["draw", str(sound[".h5"]), poses, *modality, "--events", "500", "-o", f"{folder}/v.avi"],
         "pictures": ["pictures", str(sound["numbered"]), "--modality", "rgb", "-o", f"{folder}/drawn"],
     }
     before, wrong = digests(inputs), []
-    for argv in todo.values():
-        problem = answer(argv).violation or (digests(inputs) != before and "an input changed")
+    for name, argv in todo.items():
+        result = answer(argv)
+        refused = result.code and name not in REFUSED and f"refused: {result.err}"
+        problem = result.violation or refused or (digests(inputs) != before and "an input changed")
         wrong += [(argv, problem)] if problem else []
     print(*sorted({argv[0] for argv in todo.values()}))
     return wrong
@@ -278,13 +187,22 @@ def print_table(answered: list[tuple[Case, Answer]]) -> None:
     for case, result in answered:
         for row in ((case.command, case.format), (case.command, ""), ("all", "")):
             groups[row].append(result)
-    print("command,format,cases,exit_0,exit_1,violations,most_mb,longest_s")
+    print(HEADER)
     for row in sorted(groups):
         results = groups[row]
         codes = [None if r.violation else r.code for r in results]
         most_mb = max(r.bytes for r in results) / 2**20
         print(*row, len(codes), *map(codes.count, (0, 1, None)), f"{most_mb:.0f}",
               f"{max(r.seconds for r in results):.1f}", sep=",")  # fmt: skip
+
+
+def sum_tables(paths: list[Path]) -> pd.DataFrame:
+    """The table of several runs together, such as of several seeds at once, from what each printed."""
+    texts = [HEADER + path.read_text().partition(HEADER)[2].partition("{")[0] for path in paths]
+    tables = pd.concat(pd.read_csv(io.StringIO(text)) for text in texts)
+    how = dict.fromkeys(("cases", "exit_0", "exit_1", "violations"), "sum")
+    how |= dict.fromkeys(("most_mb", "longest_s"), "max")
+    return tables.fillna({"format": ""}).groupby(["command", "format"]).agg(how).reset_index()
 
 
 def warm_up() -> None:
@@ -311,9 +229,13 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int, nargs="?", default=0)
     parser.add_argument("--mutations-only", action="store_true", help="without the directed attacks")
     parser.add_argument("--formats", default="", help="mutate only these, such as .bag,CD.h5")
+    parser.add_argument("--only", default="", help="run only these commands, such as calibrate,score")
     parser.add_argument("--keep", type=Path, help="a folder for the files whose answers are violations")
+    parser.add_argument("--sum", type=Path, nargs="+", help="what runs printed: print their sum instead")
     parser.add_argument("--sound-in", type=Path, help="run each command on sound files here instead")
     arguments = parser.parse_args()
+    if arguments.sum:
+        sys.exit(print(sum_tables(arguments.sum).to_csv(index=False), end=""))
     began = time.monotonic()
     warm_up()
     if arguments.sound_in:
@@ -321,12 +243,13 @@ if __name__ == "__main__":
         print(*problems, sep="\n", end="", file=sys.stderr)
         sys.exit(bool(problems))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # the table is printed then too
-    formats = tuple(filter(None, arguments.formats.split(",")))
+    formats, only = (tuple(filter(None, a.split(","))) for a in (arguments.formats, arguments.only))
     answered = attack(
         arguments.count,
         arguments.seed,
         directed=not arguments.mutations_only,
         formats=formats,
+        only=only,
         keep=arguments.keep,
     )
     wrong = sum(bool(result.violation) for _, result in answered)

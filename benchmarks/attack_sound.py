@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import attack_rig
 import cv2
 import foreign_files
 import h5py
@@ -19,23 +20,23 @@ CAMERA = Camera(64, 48, 324.0, 324.0, 31.5, 23.5)
 
 
 def recording(rng) -> Recording:
-    """Two seconds of 64 x 48 px, with a truth."""
+    """Two seconds of 64 x 48 px, with a truth on a helix: an odometry's track is compared with that."""
     e = np.zeros(4000, EVENT)
     e["t_us"] = np.sort(rng.integers(0, 2_000_000, len(e))) + 10**9
     e["x"], e["y"] = rng.integers(0, 64, len(e)), rng.integers(0, 48, len(e))
     e["p"] = rng.random(len(e)) < 0.5
     frames_us = 10**9 + 500_000 * np.arange(4)
-    track = Trajectory(
-        10**9 + 10**6 * np.arange(3),
-        Pose(np.tile(np.diag([1.0, -1, -1]), (3, 1, 1)), np.tile([0, 0, 0.5], (3, 1))),
-    )
+    phase = np.linspace(0, 4 * np.pi, 81)
+    helix_m = np.stack([0.1 * np.cos(phase), 0.1 * np.sin(phase), 0.5 + 0.01 * phase], -1)
+    facing = np.tile(np.diag([1.0, -1, -1]), (len(phase), 1, 1))
+    track = Trajectory(10**9 + 25_000 * np.arange(len(phase)), Pose(facing, helix_m))
     return Recording("r", CAMERA, e, rng.integers(0, 256, (4, 48, 64, 3), np.uint8), frames_us, track)
 
 
 def sound_files(folder: Path, rng) -> dict[str, Path]:
     """A file (or folder) of each format that is attacked."""
     r = recording(rng)
-    files = {}
+    files = attack_rig.write(folder, rng)
     for suffix in (s for s in WRITERS if s != ".hdf5"):
         write_recording(r, folder / f"r{suffix}")
         files[suffix] = folder / f"r{suffix}"

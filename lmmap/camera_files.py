@@ -7,16 +7,14 @@ parsed only if it is short and flat, and each value is checked for its type and 
 from __future__ import annotations
 
 import json
-import math
-import re
 from dataclasses import MISSING, fields
 from pathlib import Path
 
+from .documents import check_fields, read_json, read_yaml, shown
 from .files import InputError as InputError
 from .files import atomic, read_text
 
 MAX_BYTES = 2**20  # of a calibration; Kalibr's longest have some kilobytes
-MAX_DEPTH = 20  # of nested lists and objects; a calibration has three
 
 SIZE_PX = (int, 1, 32_767)  # an event's coordinates have 16 bits
 FOCAL_PX = (float, 1.0, 1e6)  # a pixel sees 45 degrees, or a microradian
@@ -57,86 +55,6 @@ def write_fields(path, instance) -> None:
         temporary.write_text(json.dumps(values, indent=1) + "\n")
 
 
-def read_yaml(text: str):
-    """A short flat YAML document, without what OpenCV writes and no YAML parser knows; raises ValueError.
-
-    Aliases are refused: a few of them stand for gigabytes.
-    """
-    import yaml  # only who has a calibration in YAML waits for it
-
-    text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
-    try:
-        depth = 0
-        for event in yaml.parse(text, yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if isinstance(event, yaml.AliasEvent):
-                raise ValueError("it refers to its own parts")
-            if getattr(event, "tag", None):  # what its parser makes of one may be no number or text
-                raise ValueError(f"it has the tag {_shown(event.tag)}")
-            if depth > MAX_DEPTH:
-                raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f"not YAML: {' '.join(str(error).split()):.100}") from None
-
-
-def read_json(text: str):
-    """A short flat JSON document; raises ValueError."""
-    try:
-        return json.loads(text)
-    except RecursionError:
-        raise ValueError(f"nested deeper than {MAX_DEPTH} levels") from None
-
-
-def check_fields(values: dict, schema: dict, required: set[str]) -> dict:
-    """The values, lists as tuples, where each is of its schema's type and within its range.
-
-    A schema has ``(type, low, high)``, or for lists of such numbers ``((type, low, high), lengths)``, or
-    ``(str, *choices)``.
-
-    Raises
-    ------
-    ValueError
-        That names the first field that is missing, unknown or wrong.
-    """
-    if not isinstance(values, dict):
-        raise ValueError("expected an object")
-    if missing := sorted(required - set(values)):
-        raise ValueError(f"missing {', '.join(missing)}")
-    if unknown := sorted(map(str, set(values) - set(schema))):
-        raise ValueError(f"unknown {', '.join(unknown):.100}")
-    return {name: _checked(name, value, schema[name]) for name, value in values.items()}
-
-
-def _checked(name: str, value, rule):
-    if isinstance(rule[0], tuple):
-        number, lengths = rule
-        if not isinstance(value, list | tuple) or len(value) not in lengths:
-            counts = " or ".join(map(str, lengths))
-            raise ValueError(f"{name}: expected a list of {counts} numbers, got {_shown(value)}")
-        return tuple(_checked(name, v, number) for v in value)
-    if rule[0] is str:
-        if value not in rule[1:]:
-            raise ValueError(f"{name}: expected {' or '.join(rule[1:])}, got {_shown(value)}")
-        return value
-    kind, low, high = rule
-    expected = "a whole number" if kind is int else "a number"
-    if isinstance(value, bool) or not isinstance(value, (int,) if kind is int else (int, float)):
-        raise ValueError(f"{name}: expected {expected}, got {_shown(value)}")
-    if not (low <= value <= high and math.isfinite(value)):
-        raise ValueError(f"{name}: expected {expected} from {low:g} to {high:g}, got {_shown(value)}")
-    return value
-
-
-def _shown(value) -> str:
-    """A value in a few characters."""
-    if isinstance(value, list | tuple):
-        return f"{len(value)} values"
-    if isinstance(value, int) and abs(value) >= 10**30:
-        return "a number of more than 30 digits"
-    return f"{value!r:.30}"
-
-
 def _read(path, cls, schema: dict, what: str, expected: str, parse_yaml) -> dict:
     path = Path(path)
     text = read_text(path, MAX_BYTES)
@@ -157,7 +75,7 @@ def _yaml_camera(text: str) -> dict:
         return _kalibr_camera(_mapping(document["cam0"], "cam0"))
     model = document.get("distortion_model", "plumb_bob")
     if not isinstance(model, str) or model not in ROS_MODELS:
-        raise ValueError(f"distortion model {_shown(model)} is none of {', '.join(ROS_MODELS)}")
+        raise ValueError(f"distortion model {shown(model)} is none of {', '.join(ROS_MODELS)}")
     model = ROS_MODELS[model]
     k = _data(document, "camera_matrix")
     if len(k) != 9:
@@ -185,7 +103,7 @@ def _kalibr_camera(camera: dict) -> dict:
     values = dict(zip(names, (*size, *map(_float, intrinsics)), strict=True))
     coefficients = camera.get("distortion_coeffs") or []
     if not isinstance(coefficients, list):
-        raise ValueError(f"distortion_coeffs: expected a list of numbers, got {_shown(coefficients)}")
+        raise ValueError(f"distortion_coeffs: expected a list of numbers, got {shown(coefficients)}")
     return values | _lens([_float(c) for c in coefficients], ROS_MODELS.get(model[1], "radtan"))
 
 
@@ -198,7 +116,7 @@ def _lens(coefficients: list, model: str) -> dict:
 
 def _mapping(value, name: str) -> dict:
     if not isinstance(value, dict):
-        raise ValueError(f"{name}: expected names with values, got {_shown(value)}")
+        raise ValueError(f"{name}: expected names with values, got {shown(value)}")
     return value
 
 
@@ -212,14 +130,14 @@ def _data(document: dict, key: str) -> list:
     """The numbers of a matrix as OpenCV and ROS write it."""
     values = _entry(_mapping(_entry(document, key), key), "data")
     if not isinstance(values, list) or len(values) > 100:
-        raise ValueError(f"{key}: expected a list of numbers, got {_shown(values)}")
+        raise ValueError(f"{key}: expected a list of numbers, got {shown(values)}")
     return [_float(v) for v in values]
 
 
 def _numbers(document: dict, key: str, count: int) -> list:
     values = _entry(document, key)
     if not isinstance(values, list) or len(values) != count:
-        raise ValueError(f"{key}: expected {count} numbers, got {_shown(values)}")
+        raise ValueError(f"{key}: expected {count} numbers, got {shown(values)}")
     return values
 
 

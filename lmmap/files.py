@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
+import stat
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -34,17 +35,18 @@ def regular_file(path, max_bytes: int | None = None) -> Path:
     """
     path = Path(path)
     try:
-        exists, regular = path.exists(), path.is_file()
-        size = path.stat().st_size if regular else 0
+        facts = os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"{path}: no such file; check the path") from None
     except (OSError, ValueError) as error:  # a name that is too long or holds a zero byte
         raise InputError(f"{path}: cannot open ({error}); check the path") from None
-    if not exists:
-        raise InputError(f"{path}: no such file; check the path")
-    if not regular:
-        kind = "a folder" if path.is_dir() else "a device or a pipe"
+    if not stat.S_ISREG(facts.st_mode):
+        kind = "a folder" if stat.S_ISDIR(facts.st_mode) else "a device or a pipe"
         raise InputError(f"{path}: is {kind}, not a file; name a file on a disk")
-    if max_bytes is not None and size > max_bytes:
-        raise InputError(f"{path}: has {size} bytes, and at most {max_bytes} are read; name the right file")
+    if max_bytes is not None and facts.st_size > max_bytes:
+        raise InputError(
+            f"{path}: has {facts.st_size} bytes, and at most {max_bytes} are read; name the right file"
+        )
     return path
 
 

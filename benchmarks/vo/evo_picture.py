@@ -3,7 +3,8 @@
 evo_picture.py RECORDING START_S
 
 A room, as EVO maps it alone; two seconds of a docking sequence, as EVO maps them alone; and the same two
-seconds mapped with the true poses.  Points are coloured by depth, dark is near; events are grey.
+seconds mapped with the true poses.  Points are coloured by depth, dark is near; events are grey.  The
+committed picture is of realistic-5, from 10 s on.
 """
 
 from __future__ import annotations

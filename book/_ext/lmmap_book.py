@@ -8,6 +8,7 @@ import shutil
 import tomllib
 from contextlib import suppress
 from pathlib import Path
+from urllib.parse import quote
 
 import nbformat
 from docutils import nodes
@@ -19,6 +20,8 @@ from PIL import Image
 from sphinx.addnodes import pending_xref
 
 from lmmap.provenance import PACKAGE, ROOT, page_fingerprint
+
+BINDER = "https://mybinder.org/v2/git/ADDRESS/HEAD"
 
 
 def name_cache(app, config) -> None:
@@ -138,6 +141,18 @@ def source_line(names: set[str]) -> nodes.paragraph:
     return line
 
 
+def link_binder(app, doctree) -> None:
+    """Where ``repository`` in _config.yml names a public clone, link to its Binder instead of telling how."""
+    repository = app.config.html_theme_options.get("repository_url")
+    for address in [node for node in doctree.findall(nodes.literal) if node.astext() == BINDER]:
+        if repository:
+            url = BINDER.replace("ADDRESS", quote(repository, safe=""))
+            paragraph = nodes.paragraph()
+            paragraph += nodes.Text("Without an installation, the chapters run in your browser: ")
+            paragraph += [nodes.reference("", "open them in a Binder", refuri=url), nodes.Text(".")]
+            address.parent.replace_self(paragraph)
+
+
 def list_modules(app, docname, source) -> None:
     """Where a page says ``% modules``, document the wing that the page is named after.
 
@@ -185,6 +200,7 @@ def setup(app):
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
+    app.connect("doctree-read", link_binder)
     app.connect("doctree-read", describe_figures, priority=900)  # after images have their places
     app.connect("build-finished", slim)
     app.connect("build-finished", keep_outputs)

@@ -11,6 +11,8 @@ from contextlib import suppress
 from ..files import InputError, tune_allocator
 from .arguments import parser
 
+MAX_LETTERS = 2000  # of a message; ours have some hundred, beside the path
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
@@ -27,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
             module, function = arguments.run.split(":")  # imported now: --help does not wait for torch
             getattr(importlib.import_module(module), function)(arguments)
     except InputError as error:
-        print(f"lmmap: {error}", file=sys.stderr)
+        print(f"lmmap: {_one_line(error)}", file=sys.stderr)
         return 1
     except MemoryError:
         print("lmmap: not enough memory; end other programs, or give a smaller recording", file=sys.stderr)
@@ -40,6 +42,12 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
+def _one_line(error: InputError) -> str:
+    """Its message, in one line also where a name that it repeats from a file has several, or a million
+    letters."""
+    return " ".join(str(error).splitlines())[:MAX_LETTERS]
+
+
 def _print_notes() -> None:
     """Print each of our warnings once and in one line, and none of the libraries' others."""
     printed = set()
@@ -48,7 +56,7 @@ def _print_notes() -> None:
         lines = str(message).strip().splitlines() or [""]
         if lines[0] not in printed:
             printed.add(lines[0])
-            print(f"lmmap: note: {lines[0]}", file=sys.stderr)
+            print(f"lmmap: note: {lines[0][:MAX_LETTERS]}", file=sys.stderr)
 
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", UserWarning)

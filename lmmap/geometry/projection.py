@@ -25,11 +25,6 @@ def bearings(points_px, camera: Camera) -> np.ndarray:
     return np.concatenate([xy, np.ones_like(xy[..., :1])], -1)
 
 
-def unproject(points_px, depth_m, camera: Camera) -> np.ndarray:
-    """Points in the camera frame at the given depths, (..., 2), (...) -> (..., 3)."""
-    return bearings(points_px, camera) * np.asarray(depth_m, float)[..., None]
-
-
 def project(points_m, camera: Camera) -> np.ndarray:
     """Pixels of points in the camera frame, (..., 3) -> (..., 2); NaN behind the camera."""
     points = np.asarray(points_m, float)

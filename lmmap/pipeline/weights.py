@@ -8,9 +8,9 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
-from ..files import read_text
+from ..files import atomic, read_text, regular_file
 from ..provenance import DATA
 from ..types import InputError
 from .network import CHANNELS, FilterNet, MaskNetwork
@@ -28,11 +28,15 @@ def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
 
 
 def save_weights(net: FilterNet, path, card: dict) -> None:
-    """Half-precision safetensors, and the model card beside it with the file's hash."""
-    tensors = {k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()}
-    save_file(tensors, path)
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    Path(path).with_suffix(".json").write_text(json.dumps({**card, "sha256": digest}, indent=1) + "\n")
+    """Half-precision safetensors, and the model card beside it with the file's hash.
+
+    Neither gets its name before both are written; raises `InputError` where they cannot be.
+    """
+    content = save({k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()})
+    card = {**card, "sha256": hashlib.sha256(content).hexdigest()}
+    with atomic(path) as weights, atomic(Path(path).with_suffix(".json")) as card_path:
+        weights.write_bytes(content)
+        card_path.write_text(json.dumps(card, indent=1) + "\n")
 
 
 def load_card(path) -> dict:
@@ -59,8 +63,8 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
             f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
         )
     try:
-        if path.is_file() and path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES} bytes")
+        if path.exists():
+            regular_file(path, MAX_BYTES)  # opening a pipe would wait for ever
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
         card = load_card(path)

@@ -21,6 +21,7 @@ class BoundedReader(Reader):
     """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
 
     def open(self) -> None:
+        self._size = os.path.getsize(self.path)
         self.path = BoundedPath(self.path)
         super().open()
 
@@ -31,7 +32,7 @@ class BoundedReader(Reader):
         datapos = self.bio.tell()
         if kind not in DECOMPRESSORS:
             raise ReaderError(f"Compression {kind!r} is not supported.")
-        if max(size, datasize) > MAX_CHUNK_BYTES or datapos + datasize > os.fstat(self.bio.fileno()).st_size:
+        if max(size, datasize) > MAX_CHUNK_BYTES or datapos + datasize > self._size:
             raise ReaderError(f"A chunk of {max(size, datasize)} bytes.")
         self.bio.seek(datasize, os.SEEK_CUR)
         return Chunk(datasize, datapos, partial(_decompressed, DECOMPRESSORS[kind], size))

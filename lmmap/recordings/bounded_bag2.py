@@ -14,6 +14,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from ..files import regular_file
 from .bounded_bag import BoundedPath
 from .limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
 
@@ -49,7 +50,8 @@ class BoundedDirectory(DirectoryReader):
         if (size := (self.path / METADATA).stat().st_size) > MAX_METADATA_BYTES:
             raise ReaderError(f"Metadata of {size} bytes.")
         for packed in self.path.glob("*.zstd"):
-            _check_unpacked(packed)
+            _check_unpacked(regular_file(packed))
+        self.path = _Folder(self.path)
         super().open()
         self._packed = self.metadata.compression_mode == "message"
         self.metadata = self.metadata._replace(compression_mode=None)  # the library would inflate unbounded
@@ -58,6 +60,20 @@ class BoundedDirectory(DirectoryReader):
         """Yield connection, time (ns) and bytes of each message, unpacked within limits."""
         for connection, time_ns, raw in super().messages(connections, start, stop):
             yield connection, time_ns, _inflated(zstd.ZstdDecompressor(), raw) if self._packed else raw
+
+
+class _Folder:
+    """A bag's folder, whose description may name each file once, and regular files only: the library opens,
+    and may unpack, whatever it names as often as it does."""
+
+    def __init__(self, path: Path):
+        self._path, self._named = path, set()
+
+    def __truediv__(self, name) -> Path:
+        if str(name) in self._named:
+            raise ReaderError(f"{name} is named twice.")
+        self._named.add(str(name))
+        return regular_file(self._path / name)
 
 
 class BoundedBag(Reader):

@@ -99,10 +99,16 @@ def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[i
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        step = rows_at_once(1, pixels)
-        for i in range(0, len(pixels), step):
-            for frame_us, image in zip(_times_us(t[i : i + step]), pixels[i : i + step], strict=True):
-                yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+        times = (frame_us for block in _blocks(t, CHUNK) for frame_us in _times_us(block))
+        images = (image for block in _blocks(pixels, 1) for image in block)
+        for frame_us, image in zip(times, images, strict=True):
+            yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
+
+
+def _blocks(dataset: h5py.Dataset, least: int) -> Iterator[np.ndarray]:
+    """A dataset in runs of rows, as many at a time as `rows_at_once` allows."""
+    step = rows_at_once(least, dataset)
+    return (dataset[i : i + step] for i in range(0, len(dataset), step))
 
 
 def _times_us(t: np.ndarray) -> list[int]:

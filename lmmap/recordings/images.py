@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -29,11 +30,11 @@ def read_folder(path: Path) -> Source:
     """
     with _folder_errors(path):
         names, t_us = _listed(path)
-        size_px = read_image(names[0]).shape[1::-1]
+        first = read_image(names[0])
     event_file = path / "events.txt"
     events = partial(text.events, event_file) if event_file.exists() else no_events
-    frames = partial(_folder_frames, path, names, t_us)
-    return Source(path, size_px, events, frames, (min(t_us), max(t_us)))
+    frames = partial(_folder_frames, path, names, t_us, first)
+    return Source(path, first.shape[1::-1], events, frames, (min(t_us), max(t_us)))
 
 
 def _listed(path: Path) -> tuple[list[Path], list[int]]:
@@ -54,10 +55,15 @@ def _listed(path: Path) -> tuple[list[Path], list[int]]:
     return names, [round(float(t[0]) * 1e6) if "." in t[0] else int(t[0]) for t in lines]
 
 
-def _folder_frames(path: Path, names: list[Path], t_us: list[int]):
+def _folder_frames(path: Path, names: list[Path], t_us: list[int], first: np.ndarray):
     with _folder_errors(path):
-        for name, frame_us in zip(names, t_us, strict=True):
-            yield frame_us, read_image(name)
+        yield from zip(t_us, images_from(first, names), strict=True)
+
+
+def images_from(first: np.ndarray, names: list[Path]) -> Iterator[np.ndarray]:
+    """The images of files, of which the first has been decoded for its size."""
+    yield first
+    yield from map(read_image, names[1:])
 
 
 def _folder_errors(path: Path):
@@ -88,10 +94,10 @@ def decode(content: bytes) -> np.ndarray:
         raise ValueError(reason) from None
     if is_jpeg and JPEG_END not in content[-4096:]:
         raise ValueError("an image that ends early")
-    bgr = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    if bgr is None:
+    rgb = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB)
+    if rgb is None:
         raise ValueError("not an image that can be decoded")
-    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+    return rgb
 
 
 def read_video(path: Path) -> Source:

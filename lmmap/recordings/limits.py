@@ -7,7 +7,9 @@ MAX_TIME_US = 2**60  # either way: 36 000 years; differences and sums of such ti
 MAX_CHUNK_BYTES = 2**28  # decompressed; ROS writes chunks of 0.8 MB, DV packets of some MB
 MAX_RECORD_BYTES = 2**26  # of a header or an index, before it is parsed; those of hour-long bags have some MB
 MAX_LINE_BYTES = 2**20  # of text; an event takes 30 and pandas holds a whole line
-MAX_METADATA_BYTES = 2**20  # of a ROS 2 bag's description; a hundred topics take 50 kB
+MAX_METADATA_BYTES = (
+    2**17
+)  # of a ROS 2 bag's description, which takes its parser 3 s; a hundred topics take 50 kB
 MAX_UNPACK_RATIO = 50  # of a ROS 2 bag's file, beyond one chunk; events shrink to a third, images to a tenth
 MAX_IMAGE_PIXELS = 2**25  # 33 megapixels, 100 MB in RGB; a DAVIS 346 has 0.09
 MAX_IMAGE_BYTES = 2**27  # of an image file; 33 megapixels as raw RGB have 100 MB

@@ -6,8 +6,9 @@ from functools import partial
 from pathlib import Path
 
 import cv2
+import numpy as np
 
-from .images import IMAGE_SUFFIXES, read_image
+from .images import IMAGE_SUFFIXES, images_from, read_image
 from .stream import Source, input_errors
 
 
@@ -29,15 +30,16 @@ def read_numbered(path: Path, fps: float) -> Source:
 
 def _sequence(path: Path, names: list[Path], fps: float) -> Source:
     with _picture_errors(path):
-        size_px = read_image(names[0]).shape[1::-1]
+        first = read_image(names[0])
     span_us = 0, round((len(names) - 1) * 1e6 / fps)
-    return Source(path, size_px, frames=partial(_frames, path, names, fps), span_us=span_us)
+    frames = partial(_frames, path, names, fps, first)
+    return Source(path, first.shape[1::-1], frames=frames, span_us=span_us)
 
 
-def _frames(path: Path, names: list[Path], fps: float):
+def _frames(path: Path, names: list[Path], fps: float, first: np.ndarray):
     with _picture_errors(path):
-        for k, name in enumerate(names):
-            yield round(k * 1e6 / fps), read_image(name)
+        for k, image in enumerate(images_from(first, names)):
+            yield round(k * 1e6 / fps), image
 
 
 def _picture_errors(path: Path):

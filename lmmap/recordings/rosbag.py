@@ -146,7 +146,8 @@ def _events(raw: bytes, definition: str):
     if len(raw) != at + 12 + count * record.itemsize:
         raise ValueError(f"an event array of {len(raw)} bytes for {count} events")
     e = np.frombuffer(raw, record, count, at + 12)
-    t_us = e["ts"]["s"].astype(np.int64) * 10**6 + (e["ts"]["ns"].astype(np.int64) + 500) // 1000
+    # (ns // 500 + 1) // 2 is (ns + 500) // 1000, but does not overflow; 64 bit would take twice as long
+    t_us = e["ts"]["s"].astype(np.int64) * 10**6 + (e["ts"]["ns"] // 500 + 1) // 2
     size = {names[1]: first, names[2]: second}
     return (size["width"], size["height"]), from_columns(t_us, e["x"], e["y"], e["polarity"])
 

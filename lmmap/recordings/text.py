@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..files import regular_file
 from ..pipeline.histograms import from_columns
 from .limits import MAX_LINE_BYTES
 from .stream import CHUNK, Source, input_errors
@@ -22,7 +23,7 @@ def read(path: Path) -> Source:
 def events(path: Path) -> Iterator[np.ndarray]:
     """Chunks (M,) EVENT of a text file; raises `InputError`."""
     remedy = "expected lines 't x y p' with t in seconds, or in whole microseconds"
-    with input_errors(path, "not events as text", remedy), path.open("rb") as file:
+    with input_errors(path, "not events as text", remedy), regular_file(path).open("rb") as file:
         columns = ["t", "x", "y", "p", "more"]
         tables = pd.read_csv(ShortLines(file), sep=r"\s+", header=None, comment="#", index_col=False,
                              chunksize=CHUNK, names=columns)  # fmt: skip

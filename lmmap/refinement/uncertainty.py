@@ -24,7 +24,6 @@ from ..settings import OURS
 from ..types import Camera, Pose
 
 NODES, WEIGHTS = hermegauss(9)
-RESOLVED = 6.0  # above so many sigmas of |w| the region of the normal is an ellipse
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Uncertainty:
     """Covariance (6, 6) of a pose (conventions above), that of its cone's chart (5, 5), and the
     distance of w from 0, where the circle would be seen head-on, in standard deviations.
 
-    The covariance holds the second moments of the pose's region about the estimate.  Below `RESOLVED`
+    The covariance holds the second moments of the pose's region about the estimate.  Below about 6 sigmas
     that region is not an ellipse but the chi-square disc of w, and below `Settings.merged_sigmas` it is the
     disc on both branches: so near head-on the variances are large, and ``chart`` says more than they do.
     """

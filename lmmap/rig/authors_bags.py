@@ -49,7 +49,6 @@ class AuthorsBag:
     role: str
     light: str | None = None
     trajectory: int | None = None
-    sunlight_percent: int | None = None
     textured: bool = False
 
 
@@ -62,10 +61,9 @@ def describe_bag(path) -> AuthorsBag:
     stem, folder = path.stem, path.parent.name
     lamps, named_role = LAMPS.search(stem), ROLE.fullmatch(stem)
     light = LIGHT_LEVELS[named_role[1].lower()] if named_role else None
-    trajectory = percent = None
+    trajectory = int(lamps[1]) if lamps else None
     if lamps:
-        trajectory, percent = int(lamps[1]), int(lamps[2])
-        light = "high" if percent else ("medium" if lamps[3] == "1" else "low")
+        light = "high" if int(lamps[2]) else ("medium" if lamps[3] == "1" else "low")
     if EMPTY.search(stem):
         role = "empty"
     elif CALIBRATION.search(stem):
@@ -80,7 +78,7 @@ def describe_bag(path) -> AuthorsBag:
             f"{path}: its name says neither light nor purpose; name it as the authors did ({EXPECTED})"
         )
     textured = role == "train" and "notexture" not in f"{folder}/{stem}".lower()
-    return AuthorsBag(path, role, light, trajectory, percent, textured)
+    return AuthorsBag(path, role, light, trajectory, textured)
 
 
 def list_bags(folder) -> list[Path]:

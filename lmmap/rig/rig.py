@@ -7,18 +7,24 @@ beside the arm, the root is the arm's base; if the camera is on the arm, the roo
 from __future__ import annotations
 
 import json
+from collections import deque
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
+from ..camera_files import LENGTH_M, MAX_BYTES
+from ..documents import check_fields, read_json, read_yaml
+from ..files import read_text
+from ..recordings.limits import MAX_POSITION_M
 from ..types import InputError, Port, Pose, Trajectory
 from . import ur5e
 from .tf import arm_motion
 
 RIG_FILE = "rig.json"  # in a folder of bags
+NUMBERS = {"ring_radius_m": LENGTH_M, "delay_s": (float, -3600.0, 3600.0)}  # clocks that are set by hand
+MAX_NAME = 1000  # letters of a frame's name
 QUATERNION, POSITION = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
 
 
@@ -58,14 +64,14 @@ class Rig:
     @classmethod
     def load(cls, path) -> Rig:
         """Read what `save` wrote; raises `InputError`."""
+        text = read_text(path, MAX_BYTES)
         try:
-            v = json.loads(Path(path).read_text())
-            radius_m, delay_s = float(v["ring_radius_m"]), float(v["delay_s"])
-            if not (np.isfinite([radius_m, delay_s]).all() and radius_m > 0):
-                raise ValueError(f"ring_radius_m {radius_m:g}, delay_s {delay_s:g}")
+            v = read_json(text)
+            numbers = {name: v[name] for name in NUMBERS}
+            numbers = check_fields(numbers, NUMBERS, set(NUMBERS))
             T = [_pose(v[name]) for name in ("T_cam_root", "T_tip_port")]
-            return cls(str(v["root"]), str(v["tip"]), *T, radius_m, delay_s, v.get("calibrated"))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            return cls(_frame(v["root"]), _frame(v["tip"]), *T, **numbers, calibration=v.get("calibrated"))
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise InputError(f"{path}: not a rig ({type(error).__name__}: {error}); "
                              "write it with lmmap calibrate") from None  # fmt: skip
 
@@ -106,28 +112,17 @@ def read_hand_eye(path) -> HandEyeFile:
         If it is neither; the line shows what the file holds.
     """
     path = Path(path)
+    text = read_text(path, MAX_BYTES)
     try:
-        document = _parse_yaml(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot read this file ({error}); give the hand-eye calibration") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{path}: not YAML ({reason:.100}); give the hand-eye calibration") from None
+        document = read_yaml(text)
+    except ValueError as error:
+        raise InputError(f"{path}: not YAML ({error!s:.100}); give the hand-eye calibration") from None
     try:
         return _easy_handeye(document) or _find_matrix(document)
-    except (ValueError, TypeError, KeyError, IndexError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         expected = "expected easy_handeye's transformation (x, y, z, qx, qy, qz, qw) or a 4 x 4 matrix"
         raise InputError(f"{path}: no hand-eye calibration ({error}); it holds {_summary(document)}; "
                          f"{expected}") from None  # fmt: skip
-
-
-def _parse_yaml(content: str):
-    """Parse YAML without OpenCV's own tags; aliases are refused, because they may be endless."""
-    lines = [line for line in content.splitlines() if not line.startswith("%YAML")]
-    plain = "\n".join(lines).replace("!!opencv-matrix", "")
-    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(plain, yaml.SafeLoader)):
-        raise ValueError("it refers to its own parts")
-    return yaml.safe_load(plain)
 
 
 def _easy_handeye(document) -> HandEyeFile | None:
@@ -138,8 +133,8 @@ def _easy_handeye(document) -> HandEyeFile | None:
     if missing := [name for name in (*QUATERNION, *POSITION) if name not in t]:
         raise ValueError(f"its transformation lacks {', '.join(missing)}")
     q, p = (np.array([float(t[name]) for name in names]) for names in (QUATERNION, POSITION))
-    if not np.isfinite([*q, *p]).all():
-        raise ValueError("its transformation is not finite")
+    if not (np.isfinite(q).all() and np.all(np.abs(p) <= MAX_POSITION_M)):  # NaN neither
+        raise ValueError("its transformation is not finite, or beyond any laboratory")
     if abs(np.linalg.norm(q) - 1) > 1e-2:
         raise ValueError("its quaternion is not of unit length")
     names = (
@@ -147,14 +142,20 @@ def _easy_handeye(document) -> HandEyeFile | None:
         names_from.get("robot_effector_frame") or ur5e.EFFECTOR,
     )
     T = Pose(Rotation.from_quat(q).as_matrix(), p)
-    return HandEyeFile(T, bool(names_from.get("eye_on_hand")), *(str(n).lstrip("/") for n in names))
+    return HandEyeFile(T, bool(names_from.get("eye_on_hand")), *(_frame(n).lstrip("/") for n in names))
+
+
+def _frame(name) -> str:
+    if not isinstance(name, str) or len(name) > MAX_NAME:
+        raise ValueError(f"the name of a frame is {name!r:.40}")
+    return name
 
 
 def _find_matrix(document) -> HandEyeFile:
     """The first 4 x 4 matrix anywhere in the document."""
-    waiting = [document]
+    waiting = deque([document])
     while waiting:
-        node = waiting.pop(0)
+        node = waiting.popleft()
         if isinstance(node, list):
             flat = np.array(node, object).ravel()
             if flat.size == 16 and all(isinstance(v, int | float) for v in flat):
@@ -167,8 +168,8 @@ def _find_matrix(document) -> HandEyeFile:
 
 def _pose(matrix) -> Pose:
     M = np.array(matrix, float)
-    if M.shape != (4, 4) or not np.isfinite(M).all():
-        raise ValueError("its matrix is not one of 4 x 4 finite numbers")
+    if M.shape != (4, 4) or not np.all(np.abs(M) <= MAX_POSITION_M):  # NaN neither
+        raise ValueError(f"its matrix is not one of 4 x 4 finite numbers up to {MAX_POSITION_M:g}")
     R = M[:3, :3]
     rigid = np.linalg.det(R) > 0 and np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-3)
     if not (rigid and np.array_equal(M[3], [0, 0, 0, 1])):
@@ -182,5 +183,5 @@ def _matrix(T: Pose) -> list:
 
 def _summary(document) -> str:
     if isinstance(document, dict):
-        return f"keys {', '.join(map(str, document))}"
+        return f"keys {', '.join(map(str, document)):.200}"
     return f"{type(document).__name__} {str(document)[:60]!r}"

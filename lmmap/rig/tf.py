@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..recordings.limits import MAX_POSITION_M
 from ..recordings.rosbag import STORE, open_bag
 from ..recordings.rosbag_writer import header, text
 from ..types import InputError, Pose
@@ -130,6 +131,8 @@ def _sort_rows(name: str, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _link(name: str, table: array) -> LinkMotion:
     t_us, values = _sort_rows(name, np.array(table).reshape(-1, 8))
+    if np.any(np.abs(values[:, :3]) > MAX_POSITION_M):
+        raise ValueError(f"{name} has a position beyond any laboratory's")
     if np.any(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1) > 1e-2):
         raise ValueError(f"{name} has a quaternion that is not of unit length")
     return LinkMotion(t_us, Pose(Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3]))

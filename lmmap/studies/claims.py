@@ -59,68 +59,47 @@ def _run(table: pd.DataFrame) -> list[str]:
 def _modalities(table):
     """Claims about which modality is better: pairs of cells, the position's median with outlier filter."""
     cells = table.set_index(KEYS)
-
-    def pairs(first, second, lights):
-        return [
+    factor = f"alike: within a factor {ALIKE:g}, as far as the paper's own; partly: in part of the lights"
+    high, low = ([(gap, "rgb"), (gap, "event")] for gap in ("high", "low"))
+    events = [("high", "event"), ("low", "event")]
+    for claim, pair, lights, agrees, why in (
+        ("High domain gap: frames | events are alike in low; medium light", high, LIGHTS[:2], _alike, factor),
+        ("High domain gap: events are clearly better than frames in high light (frames | events)", high,
+         LIGHTS[2:], _second_better, "clearly: the 95 % intervals are apart"),
+        ("Low domain gap: frames | events are alike in low; medium; high light", low, LIGHTS, _alike, factor),
+        ("Events do as well with the high | low domain gap in low; medium; high light", events, LIGHTS,
+         _alike, factor),
+        ("High dynamic range is not why events win: with the gap closed, frames | events in high light", low,
+         LIGHTS[2:], _first_no_worse, f"frames err at most {ALIKE:g} times as much as events"),
+    ):  # fmt: skip
+        both = [
             [
-                cells.loc[(f"{gap}-domain-gap", "with", "position_error_m", "median", light, m)]
-                for gap, m in (first, second)
+                cells.loc[f"{gap}-domain-gap", "with", "position_error_m", "median", light, m]
+                for gap, m in pair
             ]
             for light in lights
         ]
-
-    def texts(both, e):
-        return "; ".join(f"{_mm(a[e])} | {_mm(b[e])}" for a, b in both)
-
-    def pair_row(claim, both, rule, why):
         judged = {}
         for e in _run(table):
-            known = np.isfinite([c[e] for pair in both for c in pair]).all()
-            judged[e] = texts(both, e), verdict([rule(a, b, e) for a, b in both]) if known else UNTESTED
-        return row(f"{claim} (position, median, mm)", texts(both, "table1"), judged, why)
+            known = np.isfinite([cell[e] for light in both for cell in light]).all()
+            judged[e] = _pairs(both, e), verdict([agrees(a, b, e) for a, b in both]) if known else UNTESTED
+        yield row(f"{claim} (position, median, mm)", _pairs(both, "table1"), judged, why)
 
-    def alike(a, b, e):
-        return max(a[e], b[e]) <= ALIKE * min(a[e], b[e])
 
-    def second_better(a, b, e):
-        return b[f"{e}_high"] < a[f"{e}_low"]
+def _alike(a, b, e) -> bool:
+    return max(a[e], b[e]) <= ALIKE * min(a[e], b[e])
 
-    def first_no_worse(a, b, e):
-        return a[e] <= ALIKE * b[e]
 
-    factor = f"alike: within a factor {ALIKE:g}, as far as the paper's own; partly: in part of the lights"
-    cameras = {gap: ((gap, "rgb"), (gap, "event")) for gap in ("high", "low")}
-    dim, every, bright = LIGHTS[:2], LIGHTS, LIGHTS[2:]
-    yield pair_row(
-        "High domain gap: frames | events are alike in low; medium light",
-        pairs(*cameras["high"], dim),
-        alike,
-        factor,
-    )
-    yield pair_row(
-        "High domain gap: events are clearly better than frames in high light (frames | events)",
-        pairs(*cameras["high"], bright),
-        second_better,
-        "clearly: the 95 % intervals are apart",
-    )
-    yield pair_row(
-        "Low domain gap: frames | events are alike in low; medium; high light",
-        pairs(*cameras["low"], every),
-        alike,
-        factor,
-    )
-    yield pair_row(
-        "Events do as well with the high | low domain gap in low; medium; high light",
-        pairs(("high", "event"), ("low", "event"), every),
-        alike,
-        factor,
-    )
-    yield pair_row(
-        "High dynamic range is not why events win: with the gap closed, frames | events in high light",
-        pairs(*cameras["low"], bright),
-        first_no_worse,
-        f"frames err at most {ALIKE:g} times as much as events",
-    )
+def _second_better(a, b, e) -> bool:
+    return b[f"{e}_high"] < a[f"{e}_low"]
+
+
+def _first_no_worse(a, b, e) -> bool:
+    return a[e] <= ALIKE * b[e]
+
+
+def _pairs(both, e) -> str:
+    return "; ".join(f"{_mm(a[e])} | {_mm(b[e])}" for a, b in both)
 
 
 def _mm(value_m: float) -> str:

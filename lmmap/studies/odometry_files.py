@@ -6,6 +6,8 @@ The ``lmmap odometry`` command.  Nothing here imports another odometry.
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from pathlib import Path
 
 import cv2
@@ -45,26 +47,40 @@ def event_frames(recording: Recording, rate_hz: float = FRAME_HZ):
 def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, int]:
     """Write ``recording.bag``, ``rgb/`` and ``event/`` with their lists, ``camera.json``, ``truth.tum``.
 
-    Returns the number of images of each modality.  Images are as recorded, with lens distortion.
+    Returns the number of images of each modality.  Images are as recorded, with lens distortion.  What was
+    there under these names stays until everything is written.
 
     Raises
     ------
     InputError
         If the folder cannot be written.
     """
-    streams = {
-        "rgb": zip(recording.frames_t_us.tolist(), recording.frames[..., ::-1], strict=True),
-        "event": event_frames(recording),
-    }
+    folder = folder.resolve()
+    new = folder.with_name(f".{folder.name}.{os.getpid()}")
     try:
-        counts = {name: _write_images(folder, name, images) for name, images in streams.items()}
-        if bag:
-            write_recording(recording, folder / "recording.bag")
+        counts = _write_files(recording, new, bag)
+        for path in [path for path in sorted(new.rglob("*")) if path.is_file()]:
+            target = folder / path.relative_to(new)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(path, target)
     except OSError as error:
         reason = error.strerror or error
         raise InputError(
             f"{folder}: cannot write ({reason}); name a folder with room that you may write"
         ) from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    return counts
+
+
+def _write_files(recording: Recording, folder: Path, bag: bool) -> dict[str, int]:
+    streams = {
+        "rgb": zip(recording.frames_t_us.tolist(), recording.frames[..., ::-1], strict=True),
+        "event": event_frames(recording),
+    }
+    counts = {name: _write_images(folder, name, images) for name, images in streams.items()}
+    if bag:
+        write_recording(recording, folder / "recording.bag")
     recording.camera.save(folder / "camera.json")
     if recording.truth is not None:
         write_trajectory(recording.truth, folder / "truth.tum", "tum")
@@ -89,6 +105,9 @@ def export_command(a) -> None:
     """``lmmap odometry export``."""
     if a.folder.is_dir() and any(a.folder.iterdir()) and not a.overwrite:
         raise InputError(f"{a.folder}: holds files already; give a new folder, or --overwrite")
+    for source in filter(None, (a.recording, a.camera)):
+        if Path(source).resolve().is_relative_to(a.folder.resolve()):
+            raise InputError(f"{a.folder}: holds {source}, which is read; give another folder")
     recording = open_recording(a.recording, load_camera(a.camera) if a.camera else None, fps=a.fps)
     counts = export(recording, a.folder)
     events = len(recording.events)

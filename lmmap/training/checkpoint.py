@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from ..files import atomic
 from ..pipeline.weights import load_card, load_weights
@@ -14,13 +14,13 @@ from ..types import InputError
 
 
 def save_checkpoint(path, net, adam, recipe, step, curve) -> None:
-    """Save network, optimiser and progress, whole or not at all."""
+    """Save network, optimiser and progress, whole or not at all; raises `InputError` on a full disk."""
     tensors = {f"net.{k}": v.detach().contiguous() for k, v in net.state_dict().items()}
     for i, state in adam.state_dict()["state"].items():
         tensors |= {f"adam.{i}.{k}": v.contiguous() for k, v in state.items()}
     facts = {"recipe": json.dumps(asdict(recipe)), "step": str(step), "curve": json.dumps(curve)}
     with atomic(path) as temporary:
-        save_file(tensors, temporary, facts)
+        temporary.write_bytes(save(tensors, facts))
 
 
 def resume(path, net, adam, recipe) -> tuple[int, list]:

@@ -9,11 +9,12 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
+from docutils import nodes
 
 from lmmap.provenance import PACKAGE, page_fingerprint
 
 sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
-from lmmap_book import list_modules, name_style
+from lmmap_book import BINDER, link_binder, list_modules, name_style
 
 ROOT = Path(__file__).parents[2]
 BOOK = ROOT / "book"
@@ -143,6 +144,22 @@ def test_pins_are_exact():
     names = [re.sub(r"[-_.]+", "-", pin.split("==")[0]).lower() for pin in PINS]
     assert len(set(names)) == len(names)
     assert not [name for name in names if re.match("nvidia|cuda|triton", name)]
+
+
+def test_page_one_links_to_the_binder_of_a_repository_that_is_named():
+    """And tells how to make one where none is."""
+    assert sum(f"`{BINDER}`" in page.read_text() for page in PAGES) == 1
+    assert f"`{BINDER}`" in (ROOT / "book" / "intro.md").read_text()
+    for repository in (None, "https://example.org/you/lmmap"):
+        told, text = nodes.section(), nodes.paragraph("", "")
+        told += text
+        text += [nodes.Text("Open "), nodes.literal(text=BINDER), nodes.Text(".")]
+        config = SimpleNamespace(html_theme_options={"repository_url": repository})
+        link_binder(SimpleNamespace(config=config), told)
+        links = [node["refuri"] for node in told.findall(nodes.reference)]
+        named = ["https://mybinder.org/v2/git/https%3A%2F%2Fexample.org%2Fyou%2Flmmap/HEAD"]
+        assert links == (named if repository else [])
+        assert ("ADDRESS" in told.astext()) == (repository is None)
 
 
 def test_binder_installs_the_pins():

@@ -103,6 +103,29 @@ def test_two_processes_on_one_output(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("info", MINI, "--camera", "{}.json"),
+        ("info", MINI, "--camera", "{}.yaml"),
+        ("estimate", MINI, "--modality", "rgb", "--port", "{}.json", "-o", "{}.out.csv"),
+        ("evaluate", MINI, "--truth", "{}.csv"),
+        ("odometry", "score", "{}.tum", "--reference", MINI.with_suffix(".truth.csv")),
+        ("odometry", "score", MINI.with_suffix(".truth.csv"), "--reference", "{}.tum"),
+        ("draw", MINI, "{}.csv", "--modality", "rgb", "-o", "{}.out.webm"),
+    ],
+    ids=lambda argv: " ".join(str(a) for a in argv[:1] + argv[2:4]),
+)
+def test_what_never_ends_is_not_read(tmp_path, lmmap, argv):
+    """Pipes and devices in the place of every other file that a command reads."""
+    for kind in ("pipe", "device"):
+        for suffix in (".json", ".yaml", ".csv", ".tum"):
+            path = tmp_path / f"{kind}{suffix}"
+            os.mkfifo(path) if kind == "pipe" else path.symlink_to("/dev/zero")
+        code, _, err = lmmap(*(str(a).replace("{}", str(tmp_path / kind)) for a in argv))
+        assert code == 1 and len(err.splitlines()) == 1 and "a device or a pipe" in err, err
+
+
 def test_names_that_are_not_utf8(tmp_path, lmmap):
     name = os.fsdecode(os.fsencode(tmp_path) + b"/poses-\xff.csv")
     run = subprocess.run(

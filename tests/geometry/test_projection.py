@@ -16,8 +16,8 @@ pixels = st.tuples(st.floats(0, 345), st.floats(0, 259)).map(np.array)
 
 @pytest.mark.parametrize("camera", [CAMERA, WIDE], ids=["pinhole", "distorted"])
 @given(point=pixels, depth=st.floats(0.1, 10))
-def test_projection_undoes_unprojection(camera, point, depth):
-    back = projection.project(projection.unproject(point, depth, camera), camera)
+def test_projection_undoes_bearings(camera, point, depth):
+    back = projection.project(depth * projection.bearings(point, camera), camera)
     np.testing.assert_allclose(back, point, atol=1e-7)
 
 

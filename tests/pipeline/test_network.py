@@ -1,5 +1,7 @@
 """The network's promises: size, locality, exact crops, safe loading."""
 
+import os
+
 import numpy as np
 import pytest
 import torch
@@ -162,6 +164,27 @@ def test_damaged_weights_are_one_clear_error(tmp_path):
     save_weights(broken, path, {})
     with pytest.raises(InputError, match="not finite"):
         load_network(path, "event")
+
+
+def test_weights_of_another_kind_and_cards_that_are_none(tmp_path):
+    path = tmp_path / "w.safetensors"
+    save_weights(net(), path, {})
+    card = path.with_suffix(".json")
+    for text in ("[]", "3", "null", '"text"', "{}", '{"sha256": 3}', "[" * 100_000, "", "9" * 5000):
+        card.write_text(text)
+        with pytest.raises(InputError, match=r"no readable weights|not a model card"):
+            load_network(path, "event")
+    for name in (path, card):
+        save_weights(net(), path, {})
+        with name.open("r+b") as file:
+            file.truncate(6 * 10**9)
+        with pytest.raises(InputError, match="6000000000 bytes"):
+            load_network(path, "event")
+        name.unlink()
+        os.mkfifo(name)
+        with pytest.raises(InputError, match="a device or a pipe"):
+            load_network(path, "event")
+        name.unlink()
 
 
 def test_bad_images():

@@ -1,13 +1,18 @@
 """Laws of foreign formats: what others wrote comes back exactly, whatever their units and conventions."""
 
+import struct
+
 import cv2
 import h5py
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lmmap.pipeline.histograms import from_columns
+from lmmap.recordings import rosbag
 from lmmap.recordings.formats import open_recording
 from lmmap.types import EVENT, Camera, InputError
 
@@ -246,3 +251,15 @@ def test_dsec_compression(tmp_path):
         for name, values in (("t", e["t_us"]), ("x", e["x"]), ("y", e["y"]), ("p", e["p"].astype(np.uint8))):
             file.create_dataset(f"events/{name}", data=values, **hdf5plugin.Blosc(cname="zstd"))
     np.testing.assert_array_equal(open_recording(tmp_path / "e.h5", CAMERA).events, e)
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1)), min_size=1))
+@example([(2**32 - 1, 2**32 - 1)])
+def test_a_bags_times_are_rounded_to_microseconds(times):
+    record = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+    events = np.array([(1, 2, s, ns, 1) for s, ns in times], record)
+    definition = rosbag.ARRAY_MSG + f"{'=' * 80}\nMSG: dvs_msgs/Event\n{rosbag.EVENT_MSG}"
+    raw = bytes(16) + struct.pack("<III", 48, 64, len(events)) + events.tobytes()
+    size_px, found = rosbag._events(raw, definition)
+    assert size_px == (64, 48)
+    assert found["t_us"].tolist() == [s * 10**6 + (ns + 500) // 1000 for s, ns in times]

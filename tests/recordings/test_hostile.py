@@ -1,11 +1,13 @@
 """Hostile recordings, cameras, ports and truths: one line, soon, in little memory; never a traceback."""
 
 import json
+import os
 import re
 import shutil
 import struct
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -159,6 +161,35 @@ def test_numbers_of_a_ros2_bags_description(ros2_bag, tmp_path, key, value):
         health(recording)
     except InputError as error:
         assert "bag: " in str(error) and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("name", ["metadata.yaml", "*.mcap"])
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_no_pipes_and_devices_in_a_ros2_bags_folder(ros2_bag, tmp_path, name, make):
+    bag = shutil.copytree(ros2_bag, tmp_path / "bag")
+    (path,) = bag.glob(name)
+    path.unlink()
+    make(path)
+    with pytest.raises(InputError, match="a device or a pipe"):
+        open_stream(bag, CAMERA)
+
+
+def test_a_file_that_a_ros2_bag_names_often_is_not_unpacked_as_often(ros2_bag, tmp_path):
+    bag = shutil.copytree(ros2_bag, tmp_path / "bag")
+    (path,) = bag.glob("*.mcap")
+    text = (bag / "metadata.yaml").read_text()
+    assert f"- {path.name}\n" in text
+    (bag / "metadata.yaml").write_text(re.sub(rf"( *- {path.name}\n)", r"\1" * 100, text, count=1))
+    with pytest.raises(InputError, match=f"{path.name} is named twice"):
+        open_stream(bag, CAMERA)
+
+
+def test_no_pipe_beside_the_images_of_a_folder(tmp_path):
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((48, 64, 3), np.uint8))
+    (tmp_path / "timestamps.txt").write_text("1.0\n")
+    os.mkfifo(tmp_path / "events.txt")
+    with pytest.raises(InputError, match="a device or a pipe"):
+        open_recording(tmp_path, CAMERA)
 
 
 GOOD = json.loads(json.dumps(dict(width_px=64, height_px=48, fx_px=60.0, fy_px=60.0, cx_px=31.5, cy_px=23.5)))

@@ -7,6 +7,7 @@ import pytest
 from lmmap.cli import main
 from lmmap.recordings import sensors
 from lmmap.recordings.formats import open_recording, open_stream
+from lmmap.recordings.images import decode
 from lmmap.types import Camera, InputError
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -100,3 +101,13 @@ def test_the_command_takes_names_and_rates(tmp_path, capsys):
         cv2.imwrite(str(folder / f"{k}.png"), np.zeros((240, 320, 3), np.uint8))
     assert main.main(["info", str(folder), "--fps", "10", "--camera", "dvxplorer-lite:6mm", "--json"]) == 0
     assert '"frame_rate_hz": 10.0' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tiff"])
+@pytest.mark.parametrize("shape", [(48, 64, 3), (48, 64)])
+def test_images_come_as_rgb(suffix, shape):
+    """Oracle: OpenCV's blue first, turned round."""
+    image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    content = cv2.imencode(suffix, image)[1]
+    expected = cv2.cvtColor(cv2.imdecode(content, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    np.testing.assert_array_equal(decode(content.tobytes()), expected)

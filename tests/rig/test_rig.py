@@ -1,6 +1,7 @@
 """Arms in bags, rigs and hand-eye files: what goes in comes out, and what is missing is named."""
 
 import json
+import os
 import re
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import pytest
 import yaml
 from rosbags.rosbag1 import Writer
 
+from lmmap.cli import main
 from lmmap.recordings import rosbag
 from lmmap.rig import standin, tf, ur5e
 from lmmap.rig.rig import Rig, read_hand_eye, scale_port
@@ -93,6 +95,10 @@ def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
         some[3].transform.translation.x = np.nan
         return some
 
+    def far(some):
+        some[3].transform.translation.x = 1e300
+        return some
+
     def turned_by_nothing(some):
         some[3].transform.rotation = replace(some[3].transform.rotation, x=0.0, y=0.0, z=0.0, w=0.0)
         return some
@@ -102,11 +108,20 @@ def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
         return [*some, back]
 
     for edit, said in ((nowhere, "forearm_link to wrist_1_link is not finite"),
+                       (far, "forearm_link to wrist_1_link has a position beyond"),
                        (turned_by_nothing, "forearm_link to wrist_1_link has a quaternion"),
                        (looped, "with base_link to wrist_3_link and without")):  # fmt: skip
         monkeypatch.setitem(globals(), "_less", lambda raw, _, edit=edit: _edited(raw, edit))
         path = write_arm(tmp_path / f"{edit.__name__}.bag")
         assert said in line(tf.arm_motion, path, "base_link", "tool0")
+
+
+def test_an_error_is_one_line_whatever_names_it_repeats(tmp_path, capsys):
+    path = write_arm(tmp_path / "a.bag")
+    code = main.main(["calibrate", str(path), "--base", "a\nb", "--effector", "c" * 5000])
+    err = capsys.readouterr().err
+    assert code == 1 and err.startswith("lmmap: ") and "a b" in err
+    assert len(err.splitlines()) == 1 and len(err) < 2100
 
 
 def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
@@ -121,8 +136,36 @@ def test_a_rig_survives_its_file_and_gives_the_truth(tmp_path):
     wanted = rig.T_cam_root @ ur5e.forward(JOINTS) @ rig.T_tip_port
     np.testing.assert_allclose(truth.poses.position_m, wanted.position_m, atol=1e-12)
     assert np.array_equal(truth.t_us, T_US - 16_000)  # the arm's clock is ahead
-    (tmp_path / "rig.json").write_text(json.dumps({"root": "a"}))
+
+
+@pytest.mark.parametrize("change", [
+    {"root": None}, {"root": ["a"]}, {"tip": "t" * 2000}, {"ring_radius_m": 0}, {"ring_radius_m": 1e300},
+    {"ring_radius_m": 10**400}, {"ring_radius_m": True}, {"delay_s": float("nan")}, {"delay_s": 1e300},
+    {"delay_s": "1"}, {"T_cam_root": 3}, {"T_cam_root": [[1]]}, {"T_tip_port": [[1e300] * 4] * 4},
+    {"T_tip_port": [[10**400] * 4] * 4}, {"T_tip_port": {}},
+])  # fmt: skip
+def test_rigs_are_checked_field_by_field(tmp_path, change):
+    standin.RIG.save(tmp_path / "rig.json")
+    values = json.loads((tmp_path / "rig.json").read_text())
+    (tmp_path / "rig.json").write_text(json.dumps(values | change))
     assert "rig.json: not a rig" in line(Rig.load, tmp_path / "rig.json")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", "null", '{"root": "a"}', "[" * 100_000])
+def test_documents_that_are_no_rigs(tmp_path, text):
+    (tmp_path / "rig.json").write_text(text)
+    assert "rig.json: not a rig" in line(Rig.load, tmp_path / "rig.json")
+
+
+@pytest.mark.parametrize("read", [Rig.load, read_hand_eye])
+def test_what_is_no_file_or_too_large_is_not_read(tmp_path, read):
+    (tmp_path / "device").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe")
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(2**33)
+    for name, words in (("device", "a device or a pipe"), ("pipe", "a device or a pipe"),
+                        ("sparse", "8589934592 bytes"), ("none", "no such file")):  # fmt: skip
+        assert words in line(read, tmp_path / name)
 
 
 def test_a_port_of_another_size_is_the_same_shape():
@@ -163,6 +206,9 @@ def test_hand_eye_files_of_every_layout_agree(tmp_path):
     ("[" * 600, "not YAML"),
     ("[[.nan,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "4 x 4 finite numbers"),
     ("transformation: {x: .nan, y: 0, z: 0, qx: 0, qy: 0, qz: 0, qw: 1}\nparameters: [1]", "not finite"),
+    ("[[1,0,0,1.0e+300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "finite numbers up to"),
+    (f"[[1,0,0,{'9' * 400}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "too large"),
+    ("a: 1\n" * 50_000, "letters, and at most"),
     ("", "NoneType"),
 ])  # fmt: skip
 def test_a_file_that_is_no_hand_eye_shows_what_was_found(tmp_path, text, said):

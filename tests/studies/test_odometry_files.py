@@ -1,10 +1,13 @@
 """Exchange with other odometries: what is exported reads back, and bad trajectories get one clear line."""
 
 import json
+import resource
+import shutil
 
 import cv2
 import numpy as np
 import pytest
+from attack_recordings import digests
 from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 from test_odometry import track
@@ -100,6 +103,35 @@ def test_export_to_a_place_that_cannot_be_written(tmp_path, mini):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot write"):
         odometry_files.export(mini, tmp_path / "file" / "below", bag=False)
+
+
+def test_an_export_replaces_nothing_that_it_reads(tmp_path, exported, capsys):
+    folder = shutil.copytree(exported, tmp_path / "a")
+    before = digests(folder)
+    for source, extra in (
+        (folder / "recording.bag", ()),
+        (folder / "rgb", ("--fps", "20", "--camera", folder / "camera.json")),
+        (MINI, ("--camera", folder / "camera.json")),
+    ):
+        argv = ("odometry", "export", source, folder, "--overwrite", *extra)
+        assert main.main([str(a) for a in argv]) == 1
+        err = capsys.readouterr().err
+        assert "which is read" in err and len(err.splitlines()) == 1
+    assert digests(folder) == before
+
+
+@pytest.mark.parametrize("limit", [30_000, 300_000])
+def test_a_full_disk_leaves_an_old_export_whole(tmp_path, exported, mini, limit):
+    """A limit on the size of files stands for the disk: of an image, or of the bag."""
+    folder = shutil.copytree(exported, tmp_path / "a")
+    before, hard = digests(tmp_path), resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        with pytest.raises(InputError, match="cannot write"):
+            odometry_files.export(mini, folder)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    assert digests(tmp_path) == before
 
 
 @pytest.fixture

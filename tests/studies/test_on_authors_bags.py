@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from attack_mutations import mutated
 from test_authors_bags import brief, run
 
 from lmmap import provenance
@@ -65,6 +66,21 @@ def test_nothing_to_test_on_is_one_line(folder, capsys):
         path.write_bytes(b"none")
     code, _, err = run(capsys, "reproduce", "--data", folder)
     assert code == 1 and "no bag for testing is usable" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["reproduce", "train"])
+@pytest.mark.parametrize("seed", range(4))
+def test_damaged_bags_make_no_noise(folder, capfd, monkeypatch, command, seed):
+    """The second is the only bag of its kind: at most a note and an error, nothing of the libraries'."""
+    monkeypatch.setattr(on_authors_bags.pose_errors, "DOMAIN_GAPS", ("low",))
+    rng, bags = np.random.default_rng(seed), folder / "dataset_0307_notexture"
+    for name in ("light__hard", "mixed__test"):
+        (bags / f"{name}.bag").unlink()
+    for path in sorted(bags.glob("*.bag")):
+        path.write_bytes(mutated(path.read_bytes(), rng, text=False)[1])
+    steps = ("--steps", "1", "--filter", "ring", "--modality", "rgb") if command == "train" else ()
+    code, _, err = run(capfd, command, "--data", folder, *steps)
+    assert code in (0, 1) and len(err.splitlines()) <= 2 and "Traceback" not in err, err
 
 
 def test_training_on_bags_makes_filters_that_reproduce_takes(folder, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """Training: the batches, and a run that was killed and went on."""
 
 import json
+import resource
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -92,10 +93,9 @@ def _run(recipe, folder, steps):
         return original(samples, recipe, step)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(train, "CHECKPOINT_STEPS", steps - 1)
         patch.setattr(train, "make_batch", batch)
         with pytest.raises(Killed):
-            train.train(recipe, folder, quiet)
+            train.train(recipe, folder, quiet, every=steps - 1)
 
 
 def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
@@ -158,6 +158,40 @@ def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_er
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match="no readable checkpoint"):
         train.train(other, toy, quiet)
+
+
+@pytest.mark.parametrize("limit", [10_000, 4_000_000])
+def test_a_full_disk_is_one_clear_error_and_costs_neither_weights_nor_checkpoint(toy, limit):
+    """A limit on the size of files stands for the disk.  The second cuts the checkpoint alone."""
+    first = train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet)
+    files = [first, first.with_suffix(".json"), *toy.glob("*.ckpt.safetensors")]
+    before = [path.read_bytes() for path in files]
+    net = network.FilterNet(1, 0.1)
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        with pytest.raises(InputError, match="cannot write"):
+            train.train(Recipe("ring", "event", steps=2, batch=2), toy, quiet)
+        if limit < len(before[0]):
+            with pytest.raises(InputError, match="cannot write"):
+                weights.save_weights(net, first, {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    assert [path.read_bytes() for path in files] == before
+    assert not list(toy.glob(".*"))
+
+
+def test_a_disk_that_is_full_before_the_card_keeps_the_old_weights(toy, monkeypatch):
+    path = train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet)
+    before = path.read_bytes(), path.with_suffix(".json").read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(path), "write_text", full)
+    with pytest.raises(InputError, match="No space left"):
+        weights.save_weights(network.FilterNet(2, 0.1), path, {})
+    assert (path.read_bytes(), path.with_suffix(".json").read_bytes()) == before
 
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
