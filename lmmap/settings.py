@@ -49,8 +49,9 @@ class MotionSettings:
 class BetweenSettings:
     """How events correct a track between images.
 
-    ``tuning/tune_between.py`` chose the correlation and measured the residuals that give offset and
-    deviations; motion, gate and ``sure_sigmas`` were set by hand on its sequences.
+    ``tuning/tune_between.py`` chose ``late_us`` and, in an earlier grid, the correlation, and measured the
+    residuals that give offset and deviations; motion, gate and ``sure_sigmas`` were set by hand on its
+    sequences.
     """
 
     period_us: int = 2000  # of updates: 500 Hz
@@ -58,6 +59,8 @@ class BetweenSettings:
     sigma_px: float = 0.75  # standard deviation of an event about its edge
     common_px: float = 0.2  # of the error that events at one piece of edge share
     correlation_s: float = 0.02  # time over which that error stays alike
+    late_us: int = 3500  # of events behind what they show: a pixel in little light is slow
+    late_sigma_us: float = 2000.0  # standard deviation of the same, which all events of a recording share
     outward_px: float = 0.5  # of events from their edge: a logarithm changes most where it is dark
     sure_sigmas: float = 1.0  # of an edge's velocity: below, it may stand still, and its events say nothing
     motion: MotionSettings = field(

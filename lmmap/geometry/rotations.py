@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -25,6 +27,29 @@ def rotation_vector(R) -> np.ndarray:
     length = np.linalg.norm(sine, axis=-1)
     angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
     return sine * (angle / np.maximum(length, 1e-12))[..., None]
+
+
+def matrix_of_one(vector) -> np.ndarray:
+    """The rotation matrix (3, 3) of one rotation vector (3,), by Rodrigues' formula; `vector_of_one` undoes
+    it.  Both take a few microseconds, for filters that turn a thousand times a second.
+    """
+    x, y, z = (float(v) for v in vector)
+    square = x * x + y * y + z * z
+    angle = math.sqrt(square)
+    s = math.sin(angle) / angle if angle > 1e-6 else 1 - square / 6
+    c = (1 - math.cos(angle)) / square if angle > 1e-4 else 0.5 - square / 24
+    return np.array([[1 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
+                     [c * x * y + s * z, 1 - c * (x * x + z * z), c * y * z - s * x],
+                     [c * x * z - s * y, c * y * z + s * x, 1 - c * (x * x + y * y)]])  # fmt: skip
+
+
+def vector_of_one(R) -> np.ndarray:
+    """The rotation vector (3,) of one matrix (3, 3); zero at exactly half a turn."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    x, y, z = (zy - yz) / 2, (xz - zx) / 2, (yx - xy) / 2
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = math.atan2(sine, (xx + yy + zz - 1) / 2) / sine if sine > 1e-9 else 1.0
+    return np.array([scale * x, scale * y, scale * z])
 
 
 def equal_turns(yaw_period_rad: float) -> np.ndarray:

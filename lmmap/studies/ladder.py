@@ -54,7 +54,7 @@ class Remembered:
 
 
 class Ladder:
-    """`MEASURED` rungs of each image, and our own estimate of it; the ring filter looks at an image once.
+    """`MEASURED` rungs of each image, and our own estimate of it.  The ring filter runs once on each image.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How often the answer is right, wrong, or absent: a docking camera may know nothing, but not be wrong."""
+"""How often the answer is right, wrong, or absent: a docking camera may give none, but never a wrong one."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def shares(has_pose: np.ndarray, wrong: np.ndarray) -> dict[str, float]:
 
 
 def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -> np.ndarray:
-    """Which poses of `pose_errors.errors` are off by more than one may dock with, (N,); none is not wrong."""
+    """Which poses of `pose_errors.errors` are too far off to dock with, (N,); a missing pose is not wrong."""
     limits = {
         "position_error_m": settings.right_position_m,
         "normal_error_deg": np.rad2deg(settings.right_normal_rad),

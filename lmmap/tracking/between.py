@@ -15,12 +15,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from ..geometry.rotations import matrix_of_one, vector_of_one
 from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
 from ..types import EVENT, Camera, Estimate, Port, Pose
@@ -48,7 +48,7 @@ class EdgeInformation:
         state = state.predict(self.t_us)
         turn = state.T_cam_port.rotation @ self.T_cam_port.rotation.T
         off = np.concatenate([state.T_cam_port.position_m - self.T_cam_port.position_m,
-                              Rotation.from_matrix(turn).as_rotvec()])  # fmt: skip
+                              vector_of_one(turn)])  # fmt: skip
         return state.inform(self.information, self.vector - self.information @ off)
 
 
@@ -108,7 +108,7 @@ class Between:
         """
         t_us = min(e.t_us for e in estimates.values())
         with self.before(t_us) as fusion:
-            fusion.add(estimates)
+            fusion.add({camera: self.as_late(camera, e, fusion) for camera, e in estimates.items()})
             self._image_us = t_us
 
     @contextmanager
@@ -159,9 +159,19 @@ class Between:
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before `first_us`, by what was known then, as `fusion.Fusion.at`."""
         if self.state is None or t_us >= self.state.t_us:
-            return self._fusion.at(t_us)
+            return self._now(self._fusion, t_us)
         with self.before(t_us) as fusion:
-            return fusion.at(t_us)
+            return self._now(fusion, t_us)
+
+    def as_late(self, camera: str, e: Estimate, fusion: Fusion) -> Estimate:
+        """An estimate as events of its time would show it: a frame is not late."""
+        state = fusion.predicted(e.t_us)
+        if camera == "event" or state is None or e.T_cam_port is None:
+            return e
+        back = -1e-6 * self.settings.late_us * state.velocity
+        turn = matrix_of_one(back[3:])
+        T = Pose(turn @ e.T_cam_port.rotation, e.T_cam_port.position_m + back[:3])
+        return replace(e, T_cam_port=T)
 
     def measure(self, events) -> EdgeInformation | None:
         """What events of a short time say about the predicted pose; None where no edge is known well enough.
@@ -193,6 +203,14 @@ class Between:
         weight = purity**2 / (variance * repetition(1e-6 * s.period_us, s.correlation_s))
         return EdgeInformation(t_us, T, (J.T * weight) @ J, J.T @ (weight * e), int(n.sum()))
 
+    def _now(self, fusion: Fusion, t_us: int) -> Estimate:
+        """The track is where its events show the port, and these are late."""
+        e = fusion.at(t_us + self.settings.late_us)
+        if e.T_cam_port is None:
+            return replace(e, t_us=t_us)
+        off = 1e-6 * self.settings.late_sigma_us * fusion.predicted(e.t_us).velocity
+        return replace(e, t_us=t_us, covariance=e.covariance + np.outer(off, off))
+
     def _visible_pieces(self, t_us: int, T_cam_port: Pose) -> np.ndarray:
         if self._visible_us is None or t_us > self._visible_us + 1e6 * SAME_VIEW_S:
             self._visible_us = t_us
@@ -202,7 +220,7 @@ class Between:
     def _update(self, events) -> bool:
         if (information := self.measure(events)) is None:
             return False
-        self._fusion.state = information.update(self.state)
+        self._fusion.state = information.update(self._fusion.predicted(information.t_us))
         self._keep(self._fusion.state, information)
         self.used += information.events
         return True

@@ -18,9 +18,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from ..geometry.rotations import equal_turns, rotation_angle_rad
+from ..geometry.rotations import equal_turns, rotation_angle_rad, vector_of_one
 from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status, check_number, check_time
 from .motion_model import MotionState, repetition
@@ -154,7 +153,7 @@ class Fusion:
     def _innovation(self, T: Pose, measured: Pose) -> np.ndarray:
         turned = measured.rotation @ self._turns @ T.rotation.T
         nearest = turned[np.argmin(rotation_angle_rad(turned))]
-        return np.concatenate([measured.position_m - T.position_m, Rotation.from_matrix(nearest).as_rotvec()])
+        return np.concatenate([measured.position_m - T.position_m, vector_of_one(nearest)])
 
     def _repetition(self, camera: str, t_us: int) -> float:
         """1 for a camera's first estimate."""

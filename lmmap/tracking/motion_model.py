@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from ..geometry.rotations import matrix_of_one, vector_of_one
 from ..settings import OURS, MotionSettings
 from ..types import Pose
 
@@ -65,20 +65,26 @@ class MotionState:
         dt = (t_us - self.t_us) * 1e-6
         if dt < 0:
             raise ValueError(f"t_us: expected {self.t_us} or later, got {t_us}")
+        if dt == 0:
+            return self
         v, w = self.velocity[:3], self.velocity[3:]
-        turn = Rotation.from_rotvec(w * dt).as_matrix()
+        turn = matrix_of_one(w * dt)
         F = np.eye(12)
         F[0:3, 6:9] = dt * np.eye(3)
         F[3:6, 3:6] = turn
-        F[3:6, 9:12] = dt * Rotation.from_rotvec(w * dt / 2).as_matrix()  # the left Jacobian, to dt^3
+        F[3:6, 9:12] = dt * matrix_of_one(w * dt / 2)  # the left Jacobian, to dt^3
         density = np.repeat([self.motion.acceleration_m**2, self.motion.acceleration_rad**2], 3)
-        Q = np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.diag(density))
+        P, k = F @ self.covariance @ F.T, np.arange(6)
+        P[k, k] += dt**3 / 3 * density
+        P[k, k + 6] += dt**2 / 2 * density
+        P[k + 6, k] += dt**2 / 2 * density
+        P[k + 6, k + 6] += dt * density
         T = Pose(turn @ self.T_cam_port.rotation, self.T_cam_port.position_m + v * dt)
-        return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(F @ self.covariance @ F.T + Q))
+        return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(P))
 
     def update(self, T_cam_port: Pose, covariance) -> MotionState:
         """The same after a measured pose with its covariance (6, 6)."""
-        turned = Rotation.from_matrix(T_cam_port.rotation @ self.T_cam_port.rotation.T).as_rotvec()
+        turned = vector_of_one(T_cam_port.rotation @ self.T_cam_port.rotation.T)
         moved_m = T_cam_port.position_m - self.T_cam_port.position_m
         return self.correct(np.concatenate([moved_m, turned]), covariance)
 
@@ -90,7 +96,7 @@ class MotionState:
         keep[:, POSE] -= K
         step = K @ y
         T = Pose(
-            Rotation.from_rotvec(step[3:6]).as_matrix() @ self.T_cam_port.rotation,
+            matrix_of_one(step[3:6]) @ self.T_cam_port.rotation,
             self.T_cam_port.position_m + step[:3],
         )
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
@@ -102,7 +108,7 @@ class MotionState:
         P, eye = self.covariance, np.eye(6)
         gain = np.linalg.solve((eye + information @ P[POSE, POSE]).T, P[POSE]).T  # P H' (I + L H P H')^-1
         step = gain @ vector
-        T = Pose(Rotation.from_rotvec(step[3:6]).as_matrix() @ self.T_cam_port.rotation,
+        T = Pose(matrix_of_one(step[3:6]) @ self.T_cam_port.rotation,
                  self.T_cam_port.position_m + step[:3])  # fmt: skip
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
                        covariance=_symmetric(P - gain @ information @ P[POSE]))  # fmt: skip

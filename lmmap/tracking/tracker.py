@@ -42,7 +42,8 @@ class Tracker:
             raise ValueError("estimators: expected the same camera and port, got different ones")
         self.estimators, self.settings = {e.modality: e for e in estimators}, estimators[0].settings
         first, between = estimators[0], self.settings.between
-        between = between if events else replace(between, motion=self.settings.motion)
+        plain = replace(between, motion=self.settings.motion, late_us=0, late_sigma_us=0.0)
+        between = between if events else plain
         self._track, self._support, self._has_events = Between(first.camera, first.port, between), 0, events
         self._last_us: dict[str, int] = {}  # of each camera's last image
         self._since_full = 0
@@ -134,22 +135,22 @@ class Tracker:
         near = expected_ring(state, estimator) if state else None
         self._since_full += 1
         if near and self._since_full < self.settings.full_frame_every:
-            e, fits = self._judge(track, estimator(image, t_us, near))
+            e, fits = self._judge(track, modality, estimator(image, t_us, near))
             if fits:
                 return e, fits
         self._since_full = 0
-        return self._judge(track, estimator(image, t_us))
+        return self._judge(track, modality, estimator(image, t_us))
 
-    def _judge(self, track: Fusion, e: Estimate) -> tuple[Estimate, bool]:
+    def _judge(self, track: Fusion, modality: str, e: Estimate) -> tuple[Estimate, bool]:
         """An estimate, and whether it fits the track.  A pose that the image alone leaves doubtful is one if
         the track expected it."""
         state = track.predicted(e.t_us)
         e = replace(e, predicted=state and state.T_cam_port)
         if e.status == Status.UNSURE and e.confidence >= self.settings.min_tracked_confidence:
             sure = replace(e, status=Status.OK, T_cam_port=e.doubtful, doubtful=None)
-            if track.fits(sure):
+            if track.fits(self._track.as_late(modality, sure, track)):
                 return sure, True
-        return e, track.fits(e)
+        return e, track.fits(self._track.as_late(modality, e, track))
 
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:
         """What image and track say together, and the track after it."""

@@ -1,10 +1,13 @@
 """Laws of the track between images: what events add, what they leave alone, and the order of times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from strategies import CAMERA, PORT, edge_events, moved, pose, seeds
 
+from lmmap.settings import OURS
 from lmmap.tracking.between import Between
 from lmmap.tracking.edges import Edges
 from lmmap.tracking.motion_model import MotionState
@@ -14,7 +17,7 @@ EDGES = Edges.of(PORT)
 GOOD = np.diag([5e-4, 5e-4, 1e-3, 5e-3, 5e-3, 5e-3]) ** 2
 START = pose((150, 120), 0.5, 0.3, 0.7, 0.2)
 SPEED = np.array([0.12, 0.05, -0.04, 0.1, -0.2, 0.3])  # m/s and rad/s
-STEP_US = 2000
+STEP_US, LATE_US = 2000, OURS.between.late_us
 
 
 def at_time(t_us) -> Pose:
@@ -23,7 +26,7 @@ def at_time(t_us) -> Pose:
 
 
 def seen(t_us, T=None) -> dict:
-    return {"event": Estimate(t_us, Status.OK, T or at_time(t_us), covariance=GOOD)}
+    return {"event": Estimate(t_us, Status.OK, T or at_time(t_us - LATE_US), covariance=GOOD)}
 
 
 def started(last_us=200_000) -> Between:
@@ -41,7 +44,7 @@ def test_a_port_that_speeds_up_is_followed_by_events():
     """Half as fast again after 200 ms: in 80 ms, prediction falls behind by five millimetres."""
     rng, with_events, alone = np.random.default_rng(3), started(), started()
     for t_us in range(202_000, 282_000, STEP_US):
-        T = at_time(200_000 + 1.5 * (t_us - 200_000))
+        T = at_time(200_000 + 1.5 * (t_us - LATE_US - 200_000))
         with_events.events(edge_events(rng, t_us, T, 1.5 * SPEED, clutter=300))
     truth = at_time(200_000 + 1.5 * 80_000)
     behind_m = position_error_m(alone, 280_000, truth)
@@ -79,8 +82,8 @@ def test_information_is_a_measured_pose_where_it_is_regular(seed):
 def test_a_late_image_counts_at_its_own_time():
     """Told at once or 40 ms late, an image leaves nearly the same track."""
     rng, at_once, late = np.random.default_rng(5), started(), started()
-    pieces = {t: edge_events(rng, t, at_time(t), SPEED) for t in range(202_000, 300_000, STEP_US)}
-    off = seen(250_500, moved(at_time(250_500), [1e-3, 0, 1e-3, 0, 0, 0]))
+    pieces = {t: edge_events(rng, t, at_time(t - LATE_US), SPEED) for t in range(202_000, 300_000, STEP_US)}
+    off = seen(250_500, moved(at_time(250_500 - LATE_US), [1e-3, 0, 1e-3, 0, 0, 0]))
     for t_us, events in pieces.items():
         for track, when in ((at_once, 252_000), (late, 292_000)):
             if t_us == when:
@@ -90,6 +93,20 @@ def test_a_late_image_counts_at_its_own_time():
     sigma_m = np.sqrt(np.diag(a.covariance)[:3])
     assert np.all(np.abs(a.T_cam_port.position_m - b.T_cam_port.position_m) < 0.2 * sigma_m)
     np.testing.assert_allclose(b.covariance, a.covariance, atol=0.05 * np.abs(a.covariance).max())
+
+
+def test_a_track_is_where_the_port_is_although_its_events_are_late():
+    """Frames are not late, and agree with events that are."""
+    rng, track = np.random.default_rng(8), Between(CAMERA, PORT)
+    for t_us in range(0, 300_000, STEP_US):
+        if t_us % 50_000 == 0:
+            track.add({"rgb": replace(seen(t_us)["event"], T_cam_port=at_time(t_us))})
+        track.events(edge_events(rng, t_us, at_time(t_us - LATE_US), SPEED))
+    late_m = np.linalg.norm(SPEED[:3]) * 1e-6 * LATE_US
+    assert position_error_m(track, 300_000, at_time(300_000)) < 0.5 * late_m
+    off = 1e-6 * OURS.between.late_sigma_us * SPEED  # what all events share
+    e = track.at(300_000)
+    assert off @ np.linalg.solve(e.covariance, off) < 1
 
 
 def test_events_without_a_track_or_an_edge_change_nothing():
@@ -105,7 +122,9 @@ def test_events_without_a_track_or_an_edge_change_nothing():
 
 def test_pieces_of_the_stream_make_no_difference():
     rng = np.random.default_rng(7)
-    whole = np.concatenate([edge_events(rng, t, at_time(t), SPEED) for t in range(202_000, 240_000, STEP_US)])
+    whole = np.concatenate(
+        [edge_events(rng, t, at_time(t - LATE_US), SPEED) for t in range(202_000, 240_000, STEP_US)]
+    )
     one, other = started(), started()
     one.events(whole)
     for piece in np.split(whole, np.sort(rng.integers(0, len(whole), 20))):

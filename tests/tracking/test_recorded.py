@@ -44,8 +44,7 @@ def test_ticks_know_of_a_push_before_an_image_shows_it():
     (_, told), (_, untold) = both([EVENTS]), both([])
     off_m = [np.linalg.norm(e[-1].T_cam_port.position_m - pushed(e[-1].t_us).position_m)
              for e in (told, untold)]  # fmt: skip
-    volume = [np.linalg.slogdet(e[-1].covariance)[1] for e in (told, untold)]
-    assert off_m[0] < 0.5 * off_m[1] and volume[0] < volume[1]
+    assert off_m[0] < 0.5 * off_m[1]
 
 
 @pytest.mark.parametrize("seed", range(3))
