@@ -2,7 +2,11 @@
 
 import re
 
-from lmmap.provenance import ROOT
+import pandas as pd
+import pytest
+
+from lmmap.provenance import DATA, ROOT
+from lmmap.settings import OURS
 from lmmap.types import Pose
 
 
@@ -16,3 +20,15 @@ def test_five_lines_of_python(monkeypatch, capsys):
 
 def test_no_slot_is_left_open():
     assert "@@" not in (ROOT / "README.md").read_text()
+
+
+@pytest.mark.parametrize("place", ["bench", "other laboratory"])
+def test_its_shares_are_those_of_the_table(place):
+    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
+    cells = table[(table.set == f"{place}, held out") & (table.estimator == "confident poses")]
+    cells = cells[cells.weights == OURS.weights]
+    right, wrong = (
+        round((cells[name] * cells.images / 100).sum()) for name in ("right_percent", "wrong_percent")
+    )
+    text = " ".join((ROOT / "README.md").read_text().split())
+    assert f"{right} of {cells.images.sum()} images have a right pose and {wrong} a wrong one" in text
