@@ -9,6 +9,7 @@ import choose_thresholds
 import numpy as np
 import pandas as pd
 import pytest
+import training_seeds
 import tune_between
 import tune_fusion
 import validation_world
@@ -52,6 +53,17 @@ def test_nothing_is_chosen_on_test_hard_or_empty_sequences(names):
 def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
     trained = set(TUNED_ON["filters"])
     assert not trained & {*tune_fusion.SEQUENCES, *calibrate_uncertainty.SEQUENCES}
+
+
+def test_equal_trainings_are_judged_on_what_nothing_else_uses():
+    judging = {name for light in wrong_poses.LIGHTS
+               for name in wrong_poses.of_light(light, training_seeds.FIRST, training_seeds.COUNT)}  # fmt: skip
+    assert len(judging) == 3 * training_seeds.COUNT
+    assert not judging & {name for names in TUNED_ON.values() for name in names}
+    sizes = {len(set(names)) for names in training_seeds.TRAINING.values()}
+    assert len(sizes) == 1 and all(
+        set(names) <= set(TUNED_ON["filters"]) for names in training_seeds.TRAINING.values()
+    )
 
 
 def test_no_two_choices_are_made_on_the_same_sequences():
@@ -133,9 +145,9 @@ def test_thresholds_stay_within_chance_and_without_false_poses():
     assert choose_thresholds.choice(table.assign(false=0), present).mask_threshold == 0.7
 
 
-def test_how_long_events_err_alike_is_the_scripts_choice():
+def test_how_late_events_are_is_the_scripts_choice():
     grid = pd.read_csv(DATA / "results" / "between" / "grid.csv")
-    assert tune_fusion.choice(grid).correlation_s == OURS.between.correlation_s
+    assert tune_between.choice(grid).late_us == OURS.between.late_us
     edges = pd.read_csv(DATA / "results" / "between" / "edges.csv")
     single = edges[edges.events == 1]
     assert abs(np.average(single.outward_px, weights=single.pieces) - OURS.between.outward_px) < 0.15
