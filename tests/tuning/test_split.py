@@ -56,14 +56,13 @@ def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
 
 
 def test_equal_trainings_are_judged_on_what_nothing_else_uses():
-    judging = {name for light in wrong_poses.LIGHTS
-               for name in wrong_poses.of_light(light, training_seeds.FIRST, training_seeds.COUNT)}  # fmt: skip
-    assert len(judging) == 3 * training_seeds.COUNT
+    lights, count, first = wrong_poses.LIGHTS, training_seeds.COUNT, training_seeds.FIRST
+    judging = {name for light in lights for name in wrong_poses.of_light(light, first, count)}
+    assert len(judging) == len(lights) * count
     assert not judging & {name for names in TUNED_ON.values() for name in names}
-    sizes = {len(set(names)) for names in training_seeds.TRAINING.values()}
-    assert len(sizes) == 1 and all(
-        set(names) <= set(TUNED_ON["filters"]) for names in training_seeds.TRAINING.values()
-    )
+    first_set, *others = (set(names) for names in training_seeds.TRAINING.values())
+    assert first_set <= set(TUNED_ON["filters"])
+    assert all(len(names) == len(first_set) and names <= set(TUNED_ON["filters"]) for names in others)
 
 
 def test_no_two_choices_are_made_on_the_same_sequences():
