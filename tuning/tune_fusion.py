@@ -49,27 +49,27 @@ def measured(name: str):
     """The recording of a sequence and its estimates by modality; made once for each estimator."""
     folder = DERIVED_DATA / "fusion"
     folder.mkdir(parents=True, exist_ok=True)
-    path, mark = folder / f"{name}.h5", estimates_fingerprint("*", "low")[:8]
+    path, mark = folder / f"{name}.h5", estimates_fingerprint("*", OURS.weights)[:8]
     if not path.exists():
         write_recording(sequences.simulate(name, SECONDS), path)
-    recording, found = open_recording(path), {}
+    recording, estimates = open_recording(path), {}
     for modality in MODALITIES:
         table = folder / f"{name}-{modality}-{mark}.csv"
         if not table.exists():
             estimator = Estimator(recording.camera, modality=modality)
             write_estimates(list(estimate(recording, estimator, RATE_HZ)), table)
-        found[modality] = read_estimates(table)
-    return recording, found
+        estimates[modality] = read_estimates(table)
+    return recording, estimates
 
 
-def silenced(found: dict) -> dict:
+def silenced(tracks: dict) -> dict:
     """The estimates with each modality's replaced by failures for a while."""
 
     def failed(modality, e):
         first_s, last_s = SILENT_S[modality]
         return replace(e, status=Status.NO_RING, T_cam_port=None) if first_s < e.t_us * 1e-6 < last_s else e
 
-    return {modality: [failed(modality, e) for e in some] for modality, some in found.items()}
+    return {modality: [failed(modality, e) for e in track] for modality, track in tracks.items()}
 
 
 def errors(recording, estimates, port: Port) -> pd.DataFrame:
@@ -90,8 +90,8 @@ def right(table: pd.DataFrame) -> pd.Series:
 
 
 def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
-    tables = [errors(recording, fuse(merge_by_time(found), port.yaw_period_rad, RATE_HZ, motion), port)
-              .assign(sequence=recording.name) for recording, found in cases]  # fmt: skip
+    tables = [errors(recording, fuse(merge_by_time(tracks), port.yaw_period_rad, RATE_HZ, motion), port)
+              .assign(sequence=recording.name) for recording, tracks in cases]  # fmt: skip
     return pd.concat(tables).query("in_view")
 
 
@@ -104,7 +104,7 @@ def choice(grid: pd.DataFrame) -> pd.Series:
 
 def main() -> None:
     port, plain = Port.lm_map(), [measured(name) for name in SEQUENCES]
-    cases = plain + [(recording, silenced(found)) for recording, found in plain]
+    cases = plain + [(recording, silenced(tracks)) for recording, tracks in plain]
     steps = [np.diff(recording.truth.poses.position_m, axis=0) for recording, _ in plain]
     turns = [pose_difference(r.truth.poses[:-1], r.truth.poses[1:], np.pi)[:, 3:] for r, _ in plain]
     start = MotionSettings(
@@ -129,8 +129,8 @@ def main() -> None:
     wrong = {s: int((~right(table)).sum() - (~right(silent[LOST_S[0]])).sum()) for s, table in silent.items()}
     lost_s = max(s for s in LOST_S if wrong[s] <= 0.05 * max(new[s], 1))
 
-    alone = [(recording, some) for recording, found in plain for some in found.values()]
-    judged = [one for recording, some in alone for one in _judged(recording, some, port)]
+    alone = [(recording, track) for recording, tracks in plain for track in tracks.values()]
+    judged = [pair for recording, track in alone for pair in _judged(recording, track, port)]
     kept, good = is_certain([e for e, _ in judged]), np.array([r for _, r in judged])
     choices = {
         "motion": {**motion.__dict__, "lost_s": lost_s},

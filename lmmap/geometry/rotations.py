@@ -29,9 +29,11 @@ def rotation_vector(R) -> np.ndarray:
     return sine * (angle / np.maximum(length, 1e-12))[..., None]
 
 
-def matrix_of_one(vector) -> np.ndarray:
-    """The rotation matrix (3, 3) of one rotation vector (3,), by Rodrigues' formula; `vector_of_one` undoes
-    it.  Both take a few microseconds, for filters that turn a thousand times a second.
+def single_rotation_matrix(vector) -> np.ndarray:
+    """The rotation matrix (3, 3) of one rotation vector (3,), by Rodrigues' formula.
+
+    `single_rotation_vector` is the inverse.  Both take a few microseconds, for filters that turn a thousand
+    times a second.
     """
     x, y, z = (float(v) for v in vector)
     square = x * x + y * y + z * z
@@ -43,7 +45,7 @@ def matrix_of_one(vector) -> np.ndarray:
                      [c * x * z - s * y, c * y * z + s * x, 1 - c * (x * x + y * y)]])  # fmt: skip
 
 
-def vector_of_one(R) -> np.ndarray:
+def single_rotation_vector(R) -> np.ndarray:
     """The rotation vector (3,) of one matrix (3, 3); zero at exactly half a turn."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
     x, y, z = (zy - yz) / 2, (xz - zx) / 2, (yx - xy) / 2

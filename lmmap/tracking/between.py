@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..geometry.rotations import matrix_of_one, vector_of_one
+from ..geometry.rotations import single_rotation_matrix, single_rotation_vector
 from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
 from ..types import EVENT, Camera, Estimate, Port, Pose
@@ -48,7 +48,7 @@ class EdgeInformation:
         state = state.predict(self.t_us)
         turn = state.T_cam_port.rotation @ self.T_cam_port.rotation.T
         off = np.concatenate([state.T_cam_port.position_m - self.T_cam_port.position_m,
-                              vector_of_one(turn)])  # fmt: skip
+                              single_rotation_vector(turn)])  # fmt: skip
         return state.inform(self.information, self.vector - self.information @ off)
 
 
@@ -169,7 +169,7 @@ class Between:
         if camera == "event" or state is None or e.T_cam_port is None:
             return e
         back = -1e-6 * self.settings.late_us * state.velocity
-        turn = matrix_of_one(back[3:])
+        turn = single_rotation_matrix(back[3:])
         T = Pose(turn @ e.T_cam_port.rotation, e.T_cam_port.position_m + back[:3])
         return replace(e, T_cam_port=T)
 

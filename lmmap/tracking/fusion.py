@@ -19,7 +19,7 @@ from itertools import groupby
 
 import numpy as np
 
-from ..geometry.rotations import equal_turns, rotation_angle_rad, vector_of_one
+from ..geometry.rotations import equal_turns, rotation_angle_rad, single_rotation_vector
 from ..settings import OURS, MotionSettings
 from ..types import Estimate, Pose, Status, check_number, check_time
 from .motion_model import MotionState, repetition
@@ -153,7 +153,7 @@ class Fusion:
     def _innovation(self, T: Pose, measured: Pose) -> np.ndarray:
         turned = measured.rotation @ self._turns @ T.rotation.T
         nearest = turned[np.argmin(rotation_angle_rad(turned))]
-        return np.concatenate([measured.position_m - T.position_m, vector_of_one(nearest)])
+        return np.concatenate([measured.position_m - T.position_m, single_rotation_vector(nearest)])
 
     def _repetition(self, camera: str, t_us: int) -> float:
         """1 for a camera's first estimate."""

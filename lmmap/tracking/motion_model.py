@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.rotations import matrix_of_one, vector_of_one
+from ..geometry.rotations import single_rotation_matrix, single_rotation_vector
 from ..settings import OURS, MotionSettings
 from ..types import Pose
 
@@ -68,11 +68,11 @@ class MotionState:
         if dt == 0:
             return self
         v, w = self.velocity[:3], self.velocity[3:]
-        turn = matrix_of_one(w * dt)
+        turn = single_rotation_matrix(w * dt)
         F = np.eye(12)
         F[0:3, 6:9] = dt * np.eye(3)
         F[3:6, 3:6] = turn
-        F[3:6, 9:12] = dt * matrix_of_one(w * dt / 2)  # the left Jacobian, to dt^3
+        F[3:6, 9:12] = dt * single_rotation_matrix(w * dt / 2)  # the left Jacobian, to dt^3
         density = np.repeat([self.motion.acceleration_m**2, self.motion.acceleration_rad**2], 3)
         P, k = F @ self.covariance @ F.T, np.arange(6)
         P[k, k] += dt**3 / 3 * density
@@ -84,7 +84,7 @@ class MotionState:
 
     def update(self, T_cam_port: Pose, covariance) -> MotionState:
         """The same after a measured pose with its covariance (6, 6)."""
-        turned = vector_of_one(T_cam_port.rotation @ self.T_cam_port.rotation.T)
+        turned = single_rotation_vector(T_cam_port.rotation @ self.T_cam_port.rotation.T)
         moved_m = T_cam_port.position_m - self.T_cam_port.position_m
         return self.correct(np.concatenate([moved_m, turned]), covariance)
 
@@ -96,7 +96,7 @@ class MotionState:
         keep[:, POSE] -= K
         step = K @ y
         T = Pose(
-            matrix_of_one(step[3:6]) @ self.T_cam_port.rotation,
+            single_rotation_matrix(step[3:6]) @ self.T_cam_port.rotation,
             self.T_cam_port.position_m + step[:3],
         )
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
@@ -108,7 +108,7 @@ class MotionState:
         P, eye = self.covariance, np.eye(6)
         gain = np.linalg.solve((eye + information @ P[POSE, POSE]).T, P[POSE]).T  # P H' (I + L H P H')^-1
         step = gain @ vector
-        T = Pose(matrix_of_one(step[3:6]) @ self.T_cam_port.rotation,
+        T = Pose(single_rotation_matrix(step[3:6]) @ self.T_cam_port.rotation,
                  self.T_cam_port.position_m + step[:3])  # fmt: skip
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
                        covariance=_symmetric(P - gain @ information @ P[POSE]))  # fmt: skip
