@@ -102,6 +102,13 @@ def has_mark(path, mark: str) -> bool:
     return path.exists() and path.read_text() == mark
 
 
+def check_folder_of(path) -> None:
+    """`InputError` unless the folder of an output is there."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no folder {path.parent}; make it first")
+
+
 def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Path:
     """The path of an output that may be written: a new file, or with ``overwrite`` one that is no input.
 
@@ -110,10 +117,9 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
     InputError
         Where it cannot be written, or where something would be lost.
     """
+    check_folder_of(path)
     path = Path(path)
     folder = path.parent
-    if not folder.is_dir():
-        raise InputError(f"{path}: no folder {folder}; make it first")
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
     if not os.access(path if path.exists() else folder, os.W_OK):

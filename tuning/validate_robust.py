@@ -28,7 +28,7 @@ from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import load_card, load_network, shipped_gaps, weight_path
 from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
-from lmmap.training import augment, dataset, train
+from lmmap.training import augment, train
 from lmmap.training.mask_quality import iou
 from lmmap.training.recipe import Recipe
 
@@ -104,20 +104,15 @@ def kept_as(modality: str, label: str, steps: int, suffix: str):
 
 def trained(modality: str, label: str, left_out, seed: int, steps: int):
     """A ring filter trained on from the low set's, kept."""
-    links, names = world.FOLDER / "training", dataset.SETS["robust"]
     kept = kept_as(modality, label, steps, ".safetensors")
     if not kept.exists():
-        dataset.make_samples(names, DERIVED_DATA / "training")
-        links.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            if not (links / name).exists():
-                (links / name).symlink_to(DERIVED_DATA / "training" / name)
-        for old in links.glob("*.ckpt.safetensors"):  # of another variant
+        for old in kept.parent.glob("*.ckpt.safetensors"):  # of another variant
             old.unlink()
         recipe = Recipe("ring", modality, "robust", seed, steps, warm_up=20, start_from="low")
         with without(left_out):
             report = partial(print, label)
-            train.train(recipe, links, report, kept, names, every=steps, validation_images=4)
+            samples = DERIVED_DATA / "training"
+            train.train(recipe, samples, report, kept, every=steps, validation_images=4)
     return load_network(kept, modality)
 
 

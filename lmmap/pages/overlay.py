@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..files import check_folder_of
 from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project, rescale_px
 from ..types import Camera, Estimate, InputError, Port
@@ -118,8 +119,7 @@ class Overlay:
         self._writer, self._first = None, None
         if path.suffix.lower() not in CODECS:
             raise InputError(f"{path}: cannot write '{path.suffix}'; name the video .mp4 or .avi")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: no folder {path.parent}; make it first")
+        check_folder_of(path)
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
         """Draw the next image of the video; an estimate between images has none and is passed over."""

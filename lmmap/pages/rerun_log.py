@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..files import check_folder_of
 from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project
+from ..settings import OURS
 from ..types import Camera, Estimate, InputError, Port
 from .overlay import background
 
 SIGMAS = 2.0  # half axes of the ellipsoid of the position, in standard deviations
-MASK_THRESHOLD = 0.5
 
 
 def _rerun():
@@ -38,8 +39,7 @@ class RerunLog:
     def __init__(self, path: Path, port: Port, camera: Camera):
         if path.suffix.lower() != ".rrd":
             raise InputError(f"{path}: cannot write '{path.suffix}'; name the file for Rerun .rrd")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: no folder {path.parent}; make it first")
+        check_folder_of(path)
         self.path, self.camera, self._rr, self._log = path, camera, _rerun(), None
         ring_m = circle_points_m(port.ring_radius_m)
         self._outline_m = [np.vstack([line, line[:1]]) for line in (ring_m, *port.marker_corners_m())]
@@ -61,7 +61,7 @@ class RerunLog:
         )
         self._log.log(name, rr.Image(background(image).astype(np.uint8)))
         if ring_mask is not None:
-            is_ring = (ring_mask > MASK_THRESHOLD).astype(np.uint8)
+            is_ring = (ring_mask > OURS.mask_threshold).astype(np.uint8)
             self._log.log(f"{name}/ring", rr.SegmentationImage(is_ring))
         ellipse = rr.Clear(recursive=False)
         if estimate.ellipse is not None:  # free of distortion, which the image has

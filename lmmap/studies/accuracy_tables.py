@@ -57,7 +57,7 @@ def default_networks(folder: Path, tests: dict[str, list[str]], counts: pd.DataF
     """
     rows = []
     for (light, names), track in product(tests.items(), TRACKS):
-        errors = [pd.read_csv(folder / f"errors-{label(n, track, OURS.weights)}.csv") for n in names]
+        errors = _errors(folder, names, track, OURS.weights)
         answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
         medians = pd.concat(errors)[list(pose_errors.METRICS)].median()
         inside = error_statistics.coverage(errors, DRAWS, SEED)["inside_95_percent"]
@@ -66,9 +66,14 @@ def default_networks(folder: Path, tests: dict[str, list[str]], counts: pd.DataF
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 
 
+def _errors(folder: Path, names: list[str], track: str, weights: str) -> list[pd.DataFrame]:
+    """Errors of each sequence, of one track with one set of networks."""
+    return [pd.read_csv(folder / f"errors-{label(name, track, weights)}.csv") for name in names]
+
+
 def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[str, pd.DataFrame]:
     """Tables of one light and domain gap: cells with intervals, and what `error_statistics` has."""
-    errors = {m: [pd.read_csv(folder / f"errors-{label(n, m, gap)}.csv") for n in names] for m in TRACKS}
+    errors = {m: _errors(folder, names, m, gap) for m in TRACKS}
     cells = {m: pose_errors.summary(errors[m], DRAWS, SEED) for m in TRACKS}
     cells["fused"] = cells["fused"].query("variant == 'exact'").assign(variant="fused")
     by_modality = {
@@ -105,7 +110,7 @@ def _by_sequence(names: list[str], errors: list[pd.DataFrame]) -> pd.DataFrame:
 def _saturation(folder: Path, names: list[str], light: str) -> pd.DataFrame:
     """Mean saturation in a light, and its rank correlation with the position error over RGB frames."""
     frames = [pd.read_csv(folder / f"saturation-{n}.csv") for n in names]
-    errors = [pd.read_csv(folder / f"errors-{n}-rgb.csv") for n in names]
+    errors = _errors(folder, names, "rgb", "low")
     both = pd.concat([f.merge(e, on="t_us") for f, e in zip(frames, errors, strict=True)])
     rank = (both.low + both.high).corr(both.position_error_m, method="spearman")
     means = pd.concat(frames)[["low", "high"]].mean()

@@ -45,7 +45,7 @@ def variants(assumed: Assumptions | None = None) -> list[tuple[str, str, Assumpt
 def estimates(recording: Recording, modality: str, every: int = EVERY) -> Iterable[list[Estimate]]:
     """Estimates of every fourth image by each of `variants`; the networks look once at an image."""
     first = PrintedEstimator(recording.camera, modality=modality)
-    masks = Remembered(first.ring_network), first.reflector_network
+    masks = Remembered(first.ring_network), Remembered(first.reflector_network)
     estimators = [
         PrintedEstimator(recording.camera, modality=modality, weights=masks, assumptions=changed)
         for _, _, changed in variants()

@@ -101,9 +101,9 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     Parameters
     ----------
     folder
-        The training set, made where it is absent, and the checkpoints.
+        The training set, made where it is absent, and the checkpoints of shipped weights.
     weights
-        Where to write; default: where the package looks for them.
+        Where to write, and where to keep checkpoints; default: where the package looks for weights.
     names
         Sequences; default: the domain gap's.
     every
@@ -132,7 +132,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         run += f"-from-{load_card(first)['sha256'][:8]}"  # another start is another run
     net = net.to(device, memory_format=torch.channels_last)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
-    checkpoint = folder / f"{run}.ckpt.safetensors"
+    checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
     start, curve = resume(checkpoint, net, adam, recipe)
     path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
     if go_on and not start:
@@ -145,6 +145,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
             if last or (step + 1) % every == 0:
                 fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
                 curve.append({"step": step + 1, "training_loss": round(float(np.mean(losses)), 6), **fit})
+                checkpoint.parent.mkdir(parents=True, exist_ok=True)
                 save_checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
                 pace_s = (time.monotonic() - start_s) / (step + 1 - start)
                 left_min = pace_s * (recipe.steps - step - 1) / 60

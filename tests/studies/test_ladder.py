@@ -6,7 +6,9 @@ from strategies import CAMERA, PORT, pose
 
 from lmmap import Estimator, PrintedEstimator
 from lmmap.geometry.port import ideal_masks
+from lmmap.pipeline.network import crop_bounds
 from lmmap.pipeline.run import TimedImage
+from lmmap.pipeline.weights import load_networks
 from lmmap.studies import ladder
 from lmmap.studies.metrics import normal_error_rad
 from lmmap.types import Pose, Recording, Status, Trajectory
@@ -68,10 +70,18 @@ def test_a_mask_without_a_ring_has_its_status_on_every_rung():
 def test_a_remembered_mask_belongs_to_its_image():
     network = Drawn(np.zeros((2, 2)))
     remembered = ladder.Remembered(network, images=1)
-    first, second = np.zeros(1), np.zeros(1)
-    for image, calls in ((first, 1), (first, 1), (second, 2), (first, 3)):
+    first, second = np.zeros(1), np.ones(1)
+    for image, calls in ((first, 1), (first.copy(), 1), (second, 2), (first, 3)):
         remembered(image)
         assert network.calls == calls
+
+
+def test_a_network_that_remembers_is_asked_for_the_same_crops():
+    """Its stride and reach are known, so reflectors are not sought in the whole image."""
+    network = load_networks("low", "rgb")[1]
+    box = (100, 90), (180, 160), CAMERA.size_px
+    bounds = crop_bounds(*box, network)
+    assert crop_bounds(*box, ladder.Remembered(network)) == bounds != crop_bounds(*box, Drawn(None))
 
 
 def test_cells_of_every_rung_by_hand(climbed):

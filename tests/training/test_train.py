@@ -228,6 +228,13 @@ class TinyNet(torch.nn.Conv2d):
         torch.nn.init.constant_(self.bias, np.log(prior / (1 - prior)))
 
 
+def test_checkpoints_of_weights_elsewhere_stay_with_them(toy, tmp_path):
+    """A script that trains variants does not end, or begin anew, the training of a shipped filter."""
+    train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet, tmp_path / "own" / "a.safetensors")
+    assert not list(toy.glob("ring-event-low-0.ckpt.*"))
+    assert (tmp_path / "own" / "ring-event-low-0.ckpt.safetensors").exists()
+
+
 def test_another_network_trains_and_is_another_run(toy):
     recipe, paths = Recipe("ring", "event", steps=2, batch=2), [toy / f"{n}.safetensors" for n in "ab"]
     for path in paths:  # the second run goes on from the first one's checkpoint, which was at its end
