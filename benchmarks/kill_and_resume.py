@@ -29,10 +29,8 @@ STUDY = f"""
 import sys
 from pathlib import Path
 sys.path[:0] = [{str(ROOT / "tests")!r}, {str(ROOT / "tests" / "studies")!r}]
-from test_accuracy_run import Estimates, accuracy_run, put_made_up
-put_made_up(Path(sys.argv[1]), setattr)
-accuracy_run._estimates = Estimates()
-accuracy_run.reproduce("quick", print)
+from test_accuracy_run import accuracy_run, made_up
+accuracy_run.reproduce("quick", print, study=made_up(Path(sys.argv[1])))
 """
 
 

@@ -19,7 +19,7 @@ import pandas as pd
 from lmmap.bench import laboratory
 from lmmap.pipeline.estimator import Estimator
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
-from lmmap.studies import accuracy_run, tracks
+from lmmap.studies import accuracy_run, sequence_files, tracks
 from lmmap.studies.pose_errors import LIGHTS, MODALITIES
 
 TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0
@@ -27,7 +27,7 @@ TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0
 
 def tables_of(name: str, seconds: float, folder) -> list[tuple]:
     """``(light, camera, kind, errors)`` of a sequence."""
-    recording = accuracy_run.bench_recording(name, seconds, folder, print)
+    recording = sequence_files.bench_recording(name, seconds, folder, print)
     rows = []
     for modality in MODALITIES:
         estimator = Estimator(recording.camera, modality=modality)

@@ -14,7 +14,7 @@ import pandas as pd
 from lmmap.bench import laboratory
 from lmmap.pipeline.weights import shipped_gaps
 from lmmap.provenance import DERIVED_DATA, fingerprint, save_table
-from lmmap.studies import accuracy_run
+from lmmap.studies import accuracy_run, sequence_files
 from lmmap.studies.pose_errors import LIGHTS
 from lmmap.training.mask_quality import filter_quality, medians
 
@@ -30,7 +30,7 @@ def judged(name: str, mark: str) -> pd.DataFrame:
     path = FOLDER / f"{name}-{mark}.csv"
     if not path.exists():
         seconds = laboratory.SECONDS["paper"]["test"]
-        recording = accuracy_run.bench_recording(name, seconds, DERIVED_DATA / "paper", say)
+        recording = sequence_files.bench_recording(name, seconds, DERIVED_DATA / "paper", say)
         table = filter_quality(recording, shipped_gaps(), precision="float32")
         FOLDER.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False)

@@ -30,8 +30,8 @@ from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stacked
 from lmmap.settings import OURS, MotionSettings
-from lmmap.studies.accuracy_run import estimates_fingerprint
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
+from lmmap.studies.sequence_files import estimates_fingerprint
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Port, Status

@@ -25,7 +25,8 @@ from lmmap.pipeline.run import estimate
 from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, profile, save_table, source_files
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
-from lmmap.studies import accuracy_run, odometry, odometry_files
+from lmmap.studies import odometry, odometry_files, sequence_files
+from lmmap.training.dataset import BENCH
 from lmmap.types import InputError, Port, Trajectory
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
@@ -57,7 +58,7 @@ def kept(path: Path, mark: str, make) -> bool:
 
 def prepare(name: str, seconds: float, folder: Path) -> str:
     """Simulate and export a sequence; returns a hash of its images, whatever made them."""
-    mark = fingerprint(name, str(seconds), patterns=accuracy_run.BENCH)
+    mark = fingerprint(name, str(seconds), patterns=BENCH)
     path = folder / f"{name}.h5"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulate.record(name, seconds, path))
@@ -147,7 +148,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
     sources = ["lmmap/studies/odometry.py"]
-    kept(path, mark + accuracy_run.estimates_fingerprint(modality, "low", sources=sources), make)
+    kept(path, mark + sequence_files.estimates_fingerprint(modality, "low", sources=sources), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 

@@ -92,8 +92,18 @@ def processor() -> str:
     return llvmlite.binding.get_host_cpu_name()
 
 
-def check(update: bool = False, report=print) -> None:
-    """Compare results and pages of the present profile with the reference, or make them the reference.
+def check(update: bool = False, report=print, *, results: Path | None = None, path: Path | None = None,
+          build: Path = BUILD, on: str | None = None) -> None:  # fmt: skip
+    """Compare results and pages with the reference, or make them the reference.
+
+    Parameters
+    ----------
+    results, path
+        The folder of results and the file of the reference; default: those of the present profile.
+    build
+        The folder of the built pages.
+    on
+        The kind of processor that made them; default: `processor`.
 
     Raises
     ------
@@ -101,14 +111,15 @@ def check(update: bool = False, report=print) -> None:
         If there are no pages, or pages of other sources than the present ones; if there is no reference;
         if anything has changed.
     """
-    path, results = reference_path(profile()), DERIVED_DATA / profile()
-    if not (BUILD / "execution" / page_fingerprint()).is_dir():
-        raise InputError(f"{BUILD}: no pages of the present module, data and pins; run 'make book' first")
-    present = inventory(results, BUILD / "jupyter_execute" / "book")
+    path, results = path or reference_path(profile()), results or DERIVED_DATA / profile()
+    on = on or processor()
+    if not (build / "execution" / page_fingerprint()).is_dir():
+        raise InputError(f"{build}: no pages of the present module, data and pins; run 'make book' first")
+    present = inventory(results, build / "jupyter_execute" / "book")
     if not present:
         raise InputError(f"{results}: no results; run 'make book' first")
     if update:
-        save_json(path, {"processor": processor(), "items": present}, profile=profile())
+        save_json(path, {"processor": on, "items": present}, profile=profile())
         report(f"{path}: {len(present)} items, now the reference")
         return
     try:
@@ -121,8 +132,8 @@ def check(update: bool = False, report=print) -> None:
         report(f"{row.item:42} {row.state:16} {row.why}".rstrip())
     counts = table.state.value_counts()
     report(f"profile {profile()}: " + ", ".join(f"{counts.get(state, 0)} {state}" for state in STATES))
-    if "changed" in counts and processor() != reference["processor"]:
-        report(f"This processor ({processor()}) is of another kind than the reference's "
+    if "changed" in counts and on != reference["processor"]:
+        report(f"This processor ({on}) is of another kind than the reference's "
                f"({reference['processor']}), so what has changed is told, not judged.")  # fmt: skip
     elif "changed" in counts:
         raise InputError(f"{path}: {counts['changed']} of {len(table)} items have changed; see why, and if "

@@ -21,7 +21,9 @@ def label(name: str, modality: str, gap: str) -> str:
     return f"{name}-{modality}" + {"low": "", "high": "-high-gap"}.get(gap, f"-{gap}")
 
 
-def tables(folder: Path, tests: dict[str, list[str]], names: list[str]) -> dict[str, pd.DataFrame]:
+def tables(
+    folder: Path, tests: dict[str, list[str]], names: list[str], draws: int = DRAWS
+) -> dict[str, pd.DataFrame]:
     """The study's tables by the names of their files.
 
     Parameters
@@ -30,22 +32,25 @@ def tables(folder: Path, tests: dict[str, list[str]], names: list[str]) -> dict[
         The sequences' results, as `accuracy_run` writes them.
     tests : the test's sequences by light
     names : all sequences
+    draws : of the bootstrap
     """
     cells = product(tests.items(), DOMAIN_GAPS)
-    parts = [_error_tables(folder, sequences, light, gap) for (light, sequences), gap in cells]
+    parts = [_error_tables(folder, sequences, light, gap, draws) for (light, sequences), gap in cells]
     whole = {name: pd.concat(part[name] for part in parts) for name in parts[0]}
     fits = [pd.read_csv(folder / f"filters-{name}.csv").assign(light=light)
             for light, sequences in tests.items() for name in sequences]  # fmt: skip
     counts = pd.concat(pd.read_csv(folder / f"counts-{name}.csv") for name in names)
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
-        "default": default_networks(folder, tests, counts[counts.weights == OURS.weights]),
+        "default": default_networks(folder, tests, counts[counts.weights == OURS.weights], draws),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
 
 
-def default_networks(folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame) -> pd.DataFrame:
+def default_networks(
+    folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame, draws: int = DRAWS
+) -> pd.DataFrame:
     """What the default networks do: a row for each track in each light, and on images without a port.
 
     Returns
@@ -60,7 +65,7 @@ def default_networks(folder: Path, tests: dict[str, list[str]], counts: pd.DataF
         errors = _errors(folder, names, track, OURS.weights)
         answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
         medians = pd.concat(errors)[list(pose_errors.METRICS)].median()
-        inside = error_statistics.coverage(errors, DRAWS, SEED)["inside_95_percent"]
+        inside = error_statistics.coverage(errors, draws, SEED)["inside_95_percent"]
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
     empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
@@ -71,10 +76,10 @@ def _errors(folder: Path, names: list[str], track: str, weights: str) -> list[pd
     return [pd.read_csv(folder / f"errors-{label(name, track, weights)}.csv") for name in names]
 
 
-def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[str, pd.DataFrame]:
+def _error_tables(folder: Path, names: list[str], light: str, gap: str, draws: int) -> dict:
     """Tables of one light and domain gap: cells with intervals, and what `error_statistics` has."""
     errors = {m: _errors(folder, names, m, gap) for m in TRACKS}
-    cells = {m: pose_errors.summary(errors[m], DRAWS, SEED) for m in TRACKS}
+    cells = {m: pose_errors.summary(errors[m], draws, SEED) for m in TRACKS}
     cells["fused"] = cells["fused"].query("variant == 'exact'").assign(variant="fused")
     by_modality = {
         "summary": cells,
@@ -84,21 +89,23 @@ def _error_tables(folder: Path, names: list[str], light: str, gap: str) -> dict[
         "promise": {m: error_statistics.promise(errors[m]) for m in TRACKS},
         "by_sequence": {m: _by_sequence(names, errors[m]) for m in TRACKS},
         "right_wrong": {m: right_and_wrong(errors[m]) for m in TRACKS},
-        "coverage": {m: pd.DataFrame([error_statistics.coverage(errors[m], DRAWS, SEED)]) for m in TRACKS},
+        "coverage": {m: pd.DataFrame([error_statistics.coverage(errors[m], draws, SEED)]) for m in TRACKS},
     }
     tables = {
         name: pd.concat(table.assign(modality=m) for m, table in parts.items())
         for name, parts in by_modality.items()
     }
-    tables["fusion"] = error_statistics.against_better(errors, DRAWS, SEED)
-    tables["ladder"] = pd.concat(_ladder(folder, names, m, gap, errors) for m in MODALITIES)
+    tables["fusion"] = error_statistics.against_better(errors, draws, SEED)
+    tables["ladder"] = pd.concat(_ladder(folder, names, m, gap, errors, draws) for m in MODALITIES)
     return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
 
 
-def _ladder(folder: Path, names: list[str], modality: str, gap: str, errors: dict) -> pd.DataFrame:
+def _ladder(
+    folder: Path, names: list[str], modality: str, gap: str, errors: dict, draws: int
+) -> pd.DataFrame:
     """Every rung's cells of one modality."""
     measured = [pd.read_csv(folder / f"ladder-{label(name, modality, gap)}.csv") for name in names]
-    cells = ladder.summary(measured, errors[modality], errors["fused"], DRAWS, SEED)
+    cells = ladder.summary(measured, errors[modality], errors["fused"], draws, SEED)
     return cells.assign(modality=modality)
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import attack_recordings as attacks
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 from attack_sound import CAMERA
-from test_accuracy_run import Estimates, quick  # noqa: F401
+from test_accuracy_run import made_up
 from test_train import toy  # noqa: F401
 
 from lmmap.bench import photometry
@@ -200,8 +201,8 @@ def test_studies_change_no_file_that_they_were_not_told_to_write(name, tmp_path,
     monkeypatch.setattr(bench, "DERIVED_DATA", tmp_path)
     monkeypatch.setattr(photometry, "calibrate_lamps", lambda _: {"gain": 1.0})
     if name == "reproduce":
-        request.getfixturevalue("quick")
-        monkeypatch.setattr(accuracy_run, "_estimates", Estimates())
+        study = partial(accuracy_run.reproduce, study=made_up(tmp_path))
+        monkeypatch.setattr(accuracy_run, "reproduce", study)
     if name == "train":
         samples = request.getfixturevalue("toy").glob("augmented-*")
         (tmp_path / "training").mkdir()

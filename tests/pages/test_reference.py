@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 from lmmap import provenance
-from lmmap.cli import main
 from lmmap.pages import reference
 from lmmap.pages.inventory import inventory, table_numbers
 from lmmap.pages.reference import compare, deviation
+from lmmap.types import InputError
 
 
 @pytest.fixture
@@ -151,42 +151,46 @@ def test_words_and_unknown_numbers_have_no_tolerance():
 
 
 @pytest.fixture
-def project(made, monkeypatch, tmp_path):
-    monkeypatch.setattr(reference, "BUILD", tmp_path / "_build")
-    monkeypatch.setattr(reference, "DERIVED_DATA", tmp_path / "derived")
-    monkeypatch.setattr(reference, "DATA", tmp_path / "data")
-    monkeypatch.setattr(reference, "profile", lambda: ".")
-    fresh = tmp_path / "_build" / "execution" / provenance.page_fingerprint()
-    fresh.mkdir(parents=True)
-    return made
+def project(made, tmp_path):
+    """Results, pages and place of the reference of a project, as `reference.check` takes them."""
+    build = tmp_path / "_build"
+    (build / "execution" / provenance.page_fingerprint()).mkdir(parents=True)
+    return {"results": made[0], "build": build, "path": tmp_path / "reference.json"}
 
 
-def test_check_says_what_has_changed_and_fails(project, capsys, monkeypatch):
-    assert main.main(["check"]) == 1
-    assert "no reference" in capsys.readouterr().err
-    assert main.main(["check", "--update"]) == 0 and main.main(["check"]) == 0
-    assert "0 within tolerance, 0 changed" in capsys.readouterr().out
-    edit_cell(project[0] / "summary.csv", 1.05)
-    assert main.main(["check"]) == 1
-    out, err = capsys.readouterr()
-    assert "low ours: 0.512 -> 0.5376" in out and len(err.splitlines()) == 1
-    monkeypatch.setattr(reference, "processor", lambda: "another")
-    assert main.main(["check"]) == 0 and "another kind" in capsys.readouterr().out
-    assert main.main(["check", "--update"]) == 0 and main.main(["check"]) == 0
+def test_check_says_what_has_changed_and_fails(project):
+    lines = []
+
+    def check(**options):
+        lines.clear()
+        reference.check(report=lines.append, **project, **options)
+        return lines[-1]
+
+    with pytest.raises(InputError, match="no reference"):
+        check()
+    check(update=True)
+    assert "0 within tolerance, 0 changed" in check()
+    edit_cell(project["results"] / "summary.csv", 1.05)
+    with pytest.raises(InputError, match=r"1 of \d+ items have changed") as error:
+        check()
+    assert any("low ours: 0.512 -> 0.5376" in line for line in lines) and "\n" not in str(error.value)
+    assert "another kind" in check(on="another")
+    check(update=True)
+    assert "0 changed" in check()
 
 
-def test_pages_of_an_edited_module_are_not_checked(project, capsys, tmp_path, monkeypatch):
-    main.main(["check", "--update"])
-    monkeypatch.setattr(reference, "page_fingerprint", lambda: "after an edit")
-    capsys.readouterr()
-    assert main.main(["check"]) == 1
-    assert "make book" in capsys.readouterr().err
+def test_pages_of_an_edited_module_are_not_checked(project):
+    reference.check(update=True, **project)
+    fresh = project["build"] / "execution" / provenance.page_fingerprint()
+    fresh.rename(fresh.with_name("of another module"))
+    with pytest.raises(InputError, match="make book"):
+        reference.check(**project)
 
 
-def test_nothing_to_check_is_no_success(project, capsys):
-    main.main(["check", "--update"])
-    shutil.rmtree(project[0])
-    shutil.rmtree(project[1])
-    capsys.readouterr()
-    assert main.main(["check"]) == 1 and "make book" in capsys.readouterr().err
-    assert main.main(["check", "--update"]) == 1, "an empty reference would agree with anything"
+def test_nothing_to_check_is_no_success(project):
+    reference.check(update=True, **project)
+    shutil.rmtree(project["results"])
+    shutil.rmtree(project["build"] / "jupyter_execute")
+    for update in (False, True):  # an empty reference would agree with anything
+        with pytest.raises(InputError, match="make book"):
+            reference.check(update=update, **project)

@@ -7,7 +7,7 @@ from conftest import facing_pose
 
 from lmmap import provenance
 from lmmap.recordings.pose_files import write_estimates
-from lmmap.studies import accuracy_run, accuracy_tables, ladder
+from lmmap.studies import accuracy_run, ladder, sequence_files
 from lmmap.studies.archive import pack, unpack
 from lmmap.studies.pose_errors import compare
 from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
@@ -28,7 +28,7 @@ def recorded(name, seconds, folder, report):
 
 
 class Estimates:
-    """Stands for `study._estimates`: good poses where there is a port, written and counted."""
+    """Stands for `kept_estimates`: good poses where there is a port, written and counted."""
 
     def __init__(self, stop_at=None):
         self.made, self.stop_at = [], stop_at
@@ -41,49 +41,49 @@ class Estimates:
         ellipse = Ellipse([170, 130], [40, 38], 0.1)
         port, turn = recording.truth is not None, len(recording.name) % 3
         off = OFF[turn:] + OFF[:turn]
-        found = [
+        estimates = [
             Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD) if port
             else Estimate(100_000 * k, Status.NO_RING)
             for k in range(30)
         ]  # fmt: skip
-        write_estimates(found, folder / f"estimates-{name}.csv")
+        write_estimates(estimates, folder / f"estimates-{name}.csv")
         if recording.name.startswith("test"):
-            table = ladder.errors(
-                recording, [dict.fromkeys(ladder.MEASURED, e) for e in found], Port.lm_map()
-            )
+            rungs = [dict.fromkeys(ladder.MEASURED, e) for e in estimates]
+            table = ladder.errors(recording, rungs, Port.lm_map())
             table.to_csv(folder / f"ladder-{name}.csv", index=False)
-        return found
+        return estimates
 
 
-def put_made_up(folder, put):
-    """A study of made-up estimates into a folder; ``put`` is `setattr`, or that of a test."""
-    put(accuracy_run, "DERIVED_DATA", folder)
-    put(accuracy_run, "bench_recording", recorded)
-    put(accuracy_tables, "DRAWS", 50)
+def perfect_masks(recording, gaps):
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
-    put(
-        accuracy_run,
-        "filter_quality",
-        lambda recording, gaps: fit.merge(pd.Series(gaps, name="domain_gap"), how="cross"),
+    return fit.merge(pd.Series(gaps, name="domain_gap"), how="cross")
+
+
+def made_up(folder, estimates=None, **parts):
+    """A study of made-up estimates in a folder."""
+    return accuracy_run.Study(
+        folder,
+        recording=recorded,
+        estimates=estimates or Estimates(),
+        mask_quality=perfect_masks,
+        draws=50,
+        **parts,
     )
 
 
 @pytest.fixture
-def quick(tmp_path, monkeypatch):
-    put_made_up(tmp_path, monkeypatch.setattr)
+def quick(tmp_path):
     return tmp_path / "quick"
 
 
-def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkeypatch):
+def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick):
     first = Estimates(stop_at="test-high-rgb")
-    monkeypatch.setattr(accuracy_run, "_estimates", first)
     with pytest.raises(KeyboardInterrupt):
-        accuracy_run.reproduce("quick", lambda line: None)
+        accuracy_run.reproduce("quick", lambda line: None, study=made_up(quick.parent, first))
     assert not (quick / "summary.csv").exists()
     second, lines = Estimates(), []
-    monkeypatch.setattr(accuracy_run, "_estimates", second)
-    accuracy_run.reproduce("quick", lines.append)
+    accuracy_run.reproduce("quick", lines.append, study=made_up(quick.parent, second))
     assert lines == ["test-low: up to date", "test-medium: up to date"]
     assert not [n for n in second.made if n.startswith(("test-low", "test-medium"))]
 
@@ -115,18 +115,17 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick, monkey
     assert pd.read_csv(quick / "claims.csv").verdict.notna().all()
 
     third = Estimates()
-    monkeypatch.setattr(accuracy_run, "_estimates", third)
     before = (quick / "summary.csv").stat().st_mtime_ns
-    accuracy_run.reproduce("quick", lines.append)
+    accuracy_run.reproduce("quick", lines.append, study=made_up(quick.parent, third))
     assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
 
 
 @pytest.fixture
-def paper(quick, monkeypatch):
-    monkeypatch.setattr(accuracy_run, "COMMITTED", quick.parent / "committed")
-    monkeypatch.setattr(accuracy_run, "_estimates", Estimates())
-    accuracy_run.reproduce("paper", print, pictures=picture)
-    return accuracy_run.COMMITTED
+def paper(tmp_path):
+    """The committed folder of a whole study."""
+    study = made_up(tmp_path / "derived", committed=tmp_path / "committed")
+    accuracy_run.reproduce("paper", print, pictures=picture, study=study)
+    return study.committed
 
 
 def picture(recording, folder, labels, rate_hz):
@@ -135,45 +134,44 @@ def picture(recording, folder, labels, rate_hz):
     return [path]
 
 
-def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, quick, monkeypatch):
+def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path):
     assert sorted(p.stem for p in (paper / "sequences").glob("*")) == sorted(
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
     assert len(tables) == 15
-    other, left, lines = quick.parent / "other", Estimates(), []
-    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", other)
-    monkeypatch.setattr(accuracy_run, "_estimates", left)
+    other, left, lines = tmp_path / "other", Estimates(), []
+    study = made_up(other, left, committed=paper)
     (paper / "sequences" / "test-low-1.zip").unlink()
-    assert accuracy_run.reproduce("paper", lines.append, pictures=picture, go_on=True)
+    assert accuracy_run.reproduce("paper", lines.append, pictures=picture, go_on=True, study=study)
     assert {name.split("-rgb")[0].split("-event")[0] for name in left.made} == {"test-low-1"}
     assert {p.name: p.read_text() for p in paper.glob("*.csv")} == tables
     assert (other / "paper" / "picture-empty-0.jpg").read_text() == "empty-0-rgb empty-0-event"
     assert not (other / "paper" / "picture-hard-slow.jpg").exists()
-    assert not accuracy_run.reproduce("paper", lines.append, go_on=True)
+    assert not accuracy_run.reproduce("paper", lines.append, go_on=True, study=study)
 
 
-def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, quick, monkeypatch):
+def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_path):
     made = Estimates()
-    monkeypatch.setattr(accuracy_run, "_estimates", made)
-    accuracy_run.reproduce("paper", print)
-    assert not made.made  # in the folder all is up to date
-    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "repeated")
-    accuracy_run.reproduce("paper", print)
-    everything = len(made.made)
+
+    def run(folder, **options):
+        go_on = options.pop("go_on", False)
+        study = made_up(tmp_path / folder, made, committed=paper, **options)
+        accuracy_run.reproduce("paper", print, go_on=go_on, study=study)
+        return len(made.made)
+
+    assert run("derived") == 0  # in the folder all is up to date
+    everything = run("repeated")
     assert everything == 2 * (9 * 3 + 2 * 1 + 3 * 2)  # cameras, sequences, sets of networks
-    monkeypatch.setattr(accuracy_run, "RESULT_SOURCES", ["lmmap/types/*.py"])
-    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "changed")
-    accuracy_run.reproduce("paper", print, go_on=True)
-    assert len(made.made) == 2 * everything
+    assert run("changed", go_on=True, sources=["lmmap/types/*.py"]) == 2 * everything
 
 
-def test_damaged_packed_results_are_one_clear_error(paper, quick, monkeypatch):
+def test_damaged_packed_results_are_one_clear_error(paper, tmp_path):
     path = paper / "sequences" / "test-low.zip"
     path.write_bytes(path.read_bytes()[:200])
-    monkeypatch.setattr(accuracy_run, "DERIVED_DATA", quick.parent / "other")
+    study = made_up(tmp_path / "other", committed=paper)
     with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
-        accuracy_run.reproduce("paper", print, go_on=True)
+        accuracy_run.reproduce("paper", print, go_on=True, study=study)
 
 
 def test_equal_results_pack_to_equal_bytes(tmp_path):
@@ -195,14 +193,16 @@ def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch)
     for path in (*weights, root / "environment.txt"):
         path.write_text("at first")
     monkeypatch.setattr(provenance, "ROOT", root)
-    monkeypatch.setattr(accuracy_run, "ESTIMATE_SOURCES", ())
-    monkeypatch.setattr(accuracy_run, "Estimator", lambda camera, port, modality, gap: made.append(gap))
-    monkeypatch.setattr(accuracy_run, "LADDER_SOURCES", ())
-    monkeypatch.setattr(accuracy_run, "estimate", lambda *_: [Estimate(0, Status.NO_RING)])
-    seen = recorded("hard-slow", 3, tmp_path, None)
+    monkeypatch.setattr(sequence_files, "ESTIMATE_SOURCES", ())
+    monkeypatch.setattr(sequence_files, "LADDER_SOURCES", ())
+    recording = recorded("hard-slow", 3, tmp_path, None)
+
+    def make(*of):
+        made.append(of)
+        return [Estimate(0, Status.NO_RING)]
 
     def count():
-        accuracy_run._estimates(seen, "event", "low", 10.0, tmp_path, lambda line: None)
+        sequence_files.kept_estimates(recording, "event", "low", 10.0, tmp_path, lambda line: None, make)
         return len(made)
 
     assert [count(), count()] == [1, 1]
