@@ -1,39 +1,68 @@
 """Right, wrong and missing poses of the tracker and of its estimator frame by frame, per light and camera.
 
     python benchmarks/track_rates.py                        # sequences that neither train nor test anything
-    python benchmarks/track_rates.py --profile paper        # the test sequences: hours
-    python benchmarks/track_rates.py --jobs 2 --limit 6     # the first six of them
+    python benchmarks/track_rates.py --profile paper        # the test sequences: half an hour
+    python benchmarks/track_rates.py --jobs 2 --only test-low test-high
 
-Recordings are simulated into data/derived and kept.  The table also goes to data/results/tracks.csv, or
-tracks-PROFILE.csv.  The tracker should be right at least as often as frame by frame, wrong at most as often,
-and late after no loss after which the other is not.
+With a profile, recordings and errors frame by frame are those of its accuracy study, which has to come first.
+Errors are kept in data/derived, those of the paper profile also in data/results/accuracy/sequences, so an
+interrupted run goes on.  The table goes to data/results/tracks.csv, or tracks-PROFILE.csv.  The tracker
+should be right at least as often as frame by frame, wrong at most as often, and late after no loss after
+which the other is not.
 """
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import joblib
 import pandas as pd
 
 from lmmap.bench import laboratory
+from lmmap.files import has_mark, write_text
 from lmmap.pipeline.estimator import Estimator
-from lmmap.provenance import DATA, DERIVED_DATA, save_table
+from lmmap.provenance import DATA, DERIVED_DATA, save_table, source_files
+from lmmap.settings import OURS
 from lmmap.studies import accuracy_run, sequence_files, tracks
+from lmmap.studies.archive import pack, unpack
 from lmmap.studies.pose_errors import LIGHTS, MODALITIES
 
 TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0
+SOURCES = (*source_files("studies.tracks"), "benchmarks/track_rates.py")
 
 
-def tables_of(name: str, seconds: float, folder) -> list[tuple]:
+def kept(path: Path, modality: str, name: str, seconds: float, packed: bool, make) -> pd.DataFrame:
+    """A table of errors, made unless the one in its file is of the present tracker, networks and sequence."""
+    done, archive = path.with_suffix(".done"), accuracy_run.COMMITTED / "sequences" / f"{path.stem}.zip"
+    facts = path.name, name, str(seconds)
+    mark = sequence_files.estimates_fingerprint(modality, OURS.weights, *facts, sources=SOURCES)
+    if not has_mark(done, mark):
+        if not (packed and unpack(archive, path.parent, mark)):
+            save_table(path, make(), seed=name, seconds=seconds)
+            if packed:
+                pack(archive, [path], path.parent, mark)
+        write_text(done, mark)
+    return pd.read_csv(path)
+
+
+def tables_of(name: str, seconds: float, folder: Path, profile: str | None) -> list[tuple]:
     """``(light, camera, kind, errors)`` of a sequence."""
-    recording = sequence_files.bench_recording(name, seconds, folder, print)
-    rows = []
+    light, rows = laboratory.sequence(name).light, []
     for modality in MODALITIES:
-        estimator = Estimator(recording.camera, modality=modality)
-        kinds = tracks.error_tables(recording, estimator)
-        rows += [(laboratory.sequence(name).light, modality, kind, table) for kind, table in kinds.items()]
-    print(name, flush=True)
+
+        def made(path: Path, function, modality=modality) -> pd.DataFrame:
+            def make():
+                recording = sequence_files.bench_recording(name, seconds, folder, print)
+                return function(recording, Estimator(recording.camera, modality=modality))
+
+            return kept(path, modality, name, seconds, profile == "paper", make)
+
+        alone = folder / f"errors-{accuracy_run.label(name, modality, OURS.weights)}.csv"
+        errors = pd.read_csv(alone) if profile else made(alone, tracks.frame_by_frame)
+        track = made(folder / f"tracked-{name}-{modality}.csv", tracks.tracked)
+        rows += [(light, modality, "frame by frame", errors), (light, modality, "tracked", track)]
+        print(f"{name}: {modality} tracked", flush=True)
     return rows
 
 
@@ -41,15 +70,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--profile", choices=("quick", "paper"), help="its test sequences")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--limit", type=int, help="number of sequences")
+    parser.add_argument("--only", nargs="+", metavar="SEQUENCE", help="these sequences")
     a = parser.parse_args()
     names, seconds, folder = TUNING, SECONDS, DERIVED_DATA / "tracks"
     if a.profile:
         names = [name for name in accuracy_run.sequences_of(a.profile) if name.startswith("test-")]
         seconds, folder = laboratory.SECONDS[a.profile]["test"], DERIVED_DATA / a.profile
     folder.mkdir(parents=True, exist_ok=True)
-    names = names[: a.limit]
-    parts = joblib.Parallel(a.jobs)(joblib.delayed(tables_of)(name, seconds, folder) for name in names)
+    names = a.only or names
+    jobs = (joblib.delayed(tables_of)(name, seconds, folder, a.profile) for name in names)
+    parts = joblib.Parallel(a.jobs)(jobs)
     every = [row for part in parts for row in part]
     rows = []
     for light in LIGHTS:
@@ -63,7 +93,8 @@ def main() -> None:
     table = pd.DataFrame(rows)
     print(table.round(2).to_string(index=False))
     path = DATA / "results" / ("tracks" + (f"-{a.profile}" if a.profile else "") + ".csv")
-    save_table(path, table, sequences=names, seconds=seconds)
+    if not a.only:
+        save_table(path, table, sequences=names, seconds=seconds)
 
 
 if __name__ == "__main__":

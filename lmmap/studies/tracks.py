@@ -18,22 +18,22 @@ from . import pose_errors
 from .right_and_wrong import is_wrong, shares
 
 
-def error_tables(
-    recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
-) -> dict[str, pd.DataFrame]:
-    """`pose_errors.errors` of a recording's images frame by frame and tracked, by these names.
+def frame_by_frame(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
+                   ) -> pd.DataFrame:  # fmt: skip
+    """`pose_errors.errors` of a recording's images, each estimated alone."""
+    images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
+    return pose_errors.errors(recording, [estimate_image(estimator, i)[1] for i in images], estimator.port)
 
-    Of the tracker's answers those count that an image supports; predictions are no poses here.
+
+def tracked(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
+            ) -> pd.DataFrame:  # fmt: skip
+    """`pose_errors.errors` of a recording's images tracked.
+
+    Those answers count that an image supports; predictions are no poses here.
     """
-    tracker, alone, tracked = Tracker(estimator), [], []
-    for shot in timed_images(recording, estimator.modality, estimator.settings, rate_hz):
-        alone.append(estimate_image(estimator, shot)[1])
-        tracked += [_seen(e) for _, e in track_images([shot], tracker)]
-    port = estimator.port
-    return {
-        "frame by frame": pose_errors.errors(recording, alone, port),
-        "tracked": pose_errors.errors(recording, tracked, port),
-    }
+    images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
+    estimates = [_seen(e) for _, e in track_images(images, Tracker(estimator))]
+    return pose_errors.errors(recording, estimates, estimator.port)
 
 
 def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str, float]:
