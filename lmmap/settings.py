@@ -81,6 +81,7 @@ class Settings(PaperSettings):
     trained_ring_px: tuple[float, float] = (21.0, 80.0)  # semi-major axis, at the bench's 1.2 to 0.33 m
     focal_slack: float = 1.15  # within this ratio of it an image is taken as it is
     enlargement: PerCamera = PerCamera(rgb=2.0, event=1.0)  # at most; counts between pixels are no sensor's
+    enlarged_looks: tuple[float, ...] = (1.2, 1.44)  # at a small sensor's histogram without a pose as it is
 
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py

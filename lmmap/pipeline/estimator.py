@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ from ..geometry.projection import undistort_points
 from ..refinement import contour, image_edges, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
-from ..types import Ellipse, Estimate, Port, Pose, Status, check_time
+from ..types import Camera, Ellipse, Estimate, Port, Pose, Status, check_time
 from . import circle, ellipse, local_search, outline, yaw
 from .follow import Expected, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
 from .inputs import AnyCamera
+from .rescale import enlarged_cameras
 from .ring import skeleton_points
 
 
@@ -47,12 +49,23 @@ class Estimator(ImageEstimator):
                  weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         super().__init__(camera, port, modality, weights, settings, precision)
+        self._enlarged = [self._with_grid(g) for g in enlarged_cameras(self.camera, modality, self.settings)]
+
+    def _with_grid(self, grid: Camera) -> Estimator:
+        other = copy(self)
+        other.grid, other._enlarged = grid, []
+        return other
 
     def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """As `ImageEstimator`; a ring that is expected (``near``, in pixels of `grid`) is looked for there
-        alone, and ``printed`` is left out."""
+        alone, and ``printed`` is left out.  Of a small sensor's histogram without a pose, larger ones are
+        looked at."""
         check_time("t_us", t_us)
-        return self.in_camera(self.on_grid(self.checked(image), t_us, near))
+        estimate = self.in_camera(self.on_grid(self.checked(image), t_us, near))
+        if estimate.T_cam_port is None and near is None:
+            looks = (larger(image, t_us) for larger in self._enlarged)
+            estimate = next((look for look in looks if look.T_cam_port is not None), estimate)
+        return estimate
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""

@@ -27,6 +27,15 @@ def network_camera(camera: Camera, modality: str, settings: Settings = OURS) -> 
     return camera if near.all() else camera.at_focal(target_px)
 
 
+def enlarged_cameras(camera: Camera, modality: str, settings: Settings = OURS) -> list[Camera]:
+    """Cameras of further looks at a histogram whose lens is too short for the networks, up to their focal
+    length.  Frames are enlarged at once."""
+    limit_px = settings.focal_slack * settings.trained_focal_px
+    short = modality == "event" and camera.fx_px * settings.focal_slack < settings.trained_focal_px
+    factors = [f for f in settings.enlarged_looks if f * camera.fx_px <= limit_px] if short else []
+    return [camera.at_focal(f * camera.fx_px) for f in factors]
+
+
 def trained_range_m(camera: Camera, port: Port, settings: Settings = OURS) -> tuple[float, float]:
     """From which to which distance the port's ring has a size that the networks were trained on, of images
     that are not enlarged."""

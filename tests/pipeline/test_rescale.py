@@ -14,7 +14,7 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project, undistort_points
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.rescale import ellipse_in, network_camera, resample, trained_range_m
+from lmmap.pipeline.rescale import ellipse_in, enlarged_cameras, network_camera, resample, trained_range_m
 from lmmap.settings import OURS
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 from lmmap.types import Camera, Status
@@ -128,6 +128,31 @@ def test_a_lens_that_is_too_short_is_named_once_with_its_range():
         assert len(warned) == 1
     with warnings.catch_warnings(action="error"):
         Estimator(LENSES["720p"], PORT, "event", masks)
+
+
+def test_a_small_sensors_histogram_is_looked_at_again_enlarged():
+    """The first look at 240 x 180 px shows no ring here; the pose of the second is as if it had been the
+    first, and the ellipse is in the sensor's pixels."""
+    small = Camera(240, 180, 225.0, 225.0, 119.5, 89.5)
+    T = pose((120, 90), 0.5, 0.4)
+    sizes = []
+
+    def only_enlarged(network):
+        def mask(image):
+            sizes.append(image.shape)
+            return network(image) if image.shape[0] > 180 else np.zeros(image.shape, np.float32)
+
+        return mask
+
+    masks = masks_as_networks(T, small.at_focal(270.0))
+    with pytest.warns(UserWarning, match="lens of 225 px"):
+        estimator = Estimator(small, PORT, "event", tuple(only_enlarged(n) for n in masks))
+    estimate = estimator(np.zeros((180, 240), np.uint16))
+    assert estimate.status == Status.OK and position_error_m(estimate.T_cam_port, T) < 0.005
+    np.testing.assert_allclose(estimate.ellipse.centre_px, circle_ellipse(T, 0.08, small).centre_px, atol=0.5)
+    assert sizes[0] == (180, 240) and {s for s in sizes[1:]} == {(216, 288)}
+    assert [c.fx_px for c in enlarged_cameras(small, "event")] == pytest.approx([270, 324], rel=0.01)
+    assert not enlarged_cameras(small, "rgb") and not enlarged_cameras(CAMERA, "event")
 
 
 def test_an_estimate_says_that_the_ring_is_larger_than_any_of_the_training():
