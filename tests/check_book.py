@@ -14,6 +14,7 @@ from urllib.parse import unquote, urldefrag, urljoin, urlsplit
 import numpy as np
 import pytest
 from browser import PROGRAM, chromium
+from lmmap_print import print_book
 from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.conics import circle_ellipse
@@ -261,3 +262,9 @@ def test_the_interactive_ring_answers_keys_and_touch(page, site):
         points = [] if shift is None else [{"x": x + shift, "y": y}]
         page.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
     assert len({first, second, page.ask(said)}) == 3
+
+
+@in_browser
+def test_the_book_prints_on_fewer_than_120_pages():
+    pdf, count = print_book()
+    assert 20 < count < 120 and pdf.stat().st_size > 1e6

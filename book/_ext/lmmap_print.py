@@ -164,7 +164,8 @@ def print_to(pdf: Path, page: Path) -> None:
         raise InputError(f"pdf: chromium did not print: {said.stderr.strip().splitlines()[-1:]}")
 
 
-def main() -> None:
+def print_book() -> tuple[Path, int]:
+    """Print the built book; returns the file and its number of pages, and raises `InputError`."""
     if not (HTML / "index.html").exists():
         raise InputError("pdf: no book yet; make book first")
     PDF.mkdir(parents=True, exist_ok=True)
@@ -175,7 +176,12 @@ def main() -> None:
         page.write_text(document(chapters, pages))
         print_to(pdf, page)
         pages = first_pages(pdf)
-    print(f"pdf: {pdf.relative_to(ROOT)}, {len(PdfReader(pdf).pages)} pages")
+    return pdf, len(PdfReader(pdf).pages)
+
+
+def main() -> None:
+    pdf, count = print_book()
+    print(f"pdf: {pdf.relative_to(ROOT)}, {count} pages")
 
 
 if __name__ == "__main__":
