@@ -3,18 +3,15 @@
 import ast
 import os
 import re
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import yaml
 from docutils import nodes
+from lmmap_book import BINDER, link_binder, list_modules, name_style
 
 from lmmap.provenance import PACKAGE, page_fingerprint
-
-sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
-from lmmap_book import BINDER, link_binder, list_modules, name_style
 
 ROOT = Path(__file__).parents[2]
 BOOK = ROOT / "book"

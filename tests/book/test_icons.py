@@ -1,14 +1,11 @@
 """The pages' icons: those that are used, from the theme's own script, and nothing else of it."""
 
 import shutil
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pydata_sphinx_theme
 import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
 from lmmap_icons import drawings, slim
 
 SCRIPT = next(Path(pydata_sphinx_theme.__file__).parent.rglob("fontawesome/*/js/all.min.js"))

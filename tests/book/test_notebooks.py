@@ -1,14 +1,10 @@
 """Chapters as notebooks: the book's markup is gone, the code is the chapter's."""
 
 import re
-import sys
-from pathlib import Path
 
 import jupytext
 import nbformat
 import pytest
-
-sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
 from lmmap_notebooks import chapters, glued_numbers, plain, readable
 
 ROLE = re.compile(r"\{[a-z:]+\}`")

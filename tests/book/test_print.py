@@ -1,13 +1,8 @@
 """The printed book: what is folded is shown, hidden code is not, and links lead to places of the document."""
 
-import sys
-from pathlib import Path
-
+import lmmap_print
 import pytest
 from bs4 import BeautifulSoup
-
-sys.path.append(str(Path(__file__).parents[2] / "book" / "_ext"))
-import lmmap_print
 from lmmap_print import document, open_fold, parts, relink
 
 CODE, RESULT = '<div class="cell_input">code</div>', '<div class="cell_output">42</div>'

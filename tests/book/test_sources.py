@@ -1,15 +1,10 @@
 """What stands under the book's figures: which functions and data they are made of, and what they show."""
 
-import sys
-
 import matplotlib.pyplot as plt
 import pytest
+from lmmap_sources import sources
 
 from lmmap.pages import drawings
-from lmmap.provenance import ROOT
-
-sys.path.append(str(ROOT / "book" / "_ext"))
-from lmmap_sources import sources
 
 IMPORTS = """
 import numpy as np
