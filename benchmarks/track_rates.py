@@ -59,8 +59,8 @@ def tables_of(name: str, seconds: float, folder: Path, profile: str | None) -> l
             return kept(path, modality, name, seconds, profile == "paper", make)
 
         alone = folder / f"errors-{accuracy_run.label(name, modality, OURS.weights)}.csv"
-        errors = pd.read_csv(alone) if profile else made(alone, tracks.frame_by_frame)
-        track = made(folder / f"tracked-{name}-{modality}.csv", tracks.tracked)
+        errors = pd.read_csv(alone) if profile else made(alone, tracks.errors_frame_by_frame)
+        track = made(folder / f"tracked-{name}-{modality}.csv", tracks.errors_tracked)
         rows += [(light, modality, "frame by frame", errors), (light, modality, "tracked", track)]
         print(f"{name}: {modality} tracked", flush=True)
     return rows

@@ -60,16 +60,16 @@ def check_fields(values: dict, schema: dict, required: set[str]) -> dict:
         raise ValueError(f"missing {', '.join(missing)}")
     if unknown := sorted(map(str, set(values) - set(schema))):
         raise ValueError(f"unknown {', '.join(unknown):.100}")
-    return {name: _checked(name, value, schema[name]) for name, value in values.items()}
+    return {name: _check_value(name, value, schema[name]) for name, value in values.items()}
 
 
-def _checked(name: str, value, rule):
+def _check_value(name: str, value, rule):
     if isinstance(rule[0], tuple):
         number, lengths = rule
         if not isinstance(value, list | tuple) or len(value) not in lengths:
             counts = " or ".join(map(str, lengths))
             raise ValueError(f"{name}: expected a list of {counts} numbers, got {shown(value)}")
-        return tuple(_checked(name, v, number) for v in value)
+        return tuple(_check_value(name, v, number) for v in value)
     if rule[0] is str:
         if value not in rule[1:]:
             raise ValueError(f"{name}: expected {' or '.join(rule[1:])}, got {shown(value)}")

@@ -92,7 +92,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     a, port = parser.parse_args(), Port.lm_map()
     seconds = {name: SECONDS[name.split("-")[1]] for name in SEQUENCES}
-    recordings = [between_images.recorded(name, s, FOLDER) for name, s in seconds.items()]
+    recordings = [between_images.kept_recording(name, s, FOLDER) for name, s in seconds.items()]
     facts = {"command": "python tuning/tune_between.py", "sequences": SEQUENCES, "seconds": SECONDS}
     if "edges" in a.tables:
         edges = scatter(pd.concat([residuals(r, port, OURS.between.gate_px) for r in recordings]))

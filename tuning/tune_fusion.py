@@ -28,7 +28,7 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, merge_by_time, true_poses
 from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
-from lmmap.recordings.pose_files import stacked
+from lmmap.recordings.pose_files import stack_poses
 from lmmap.settings import OURS, MotionSettings
 from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.studies.sequence_files import estimates_fingerprint
@@ -75,7 +75,7 @@ def silenced(tracks: dict) -> dict:
 def errors(recording, estimates, port: Port) -> pd.DataFrame:
     """Squared Mahalanobis distances and log scores of the truth, and errors, of estimates with a pose."""
     known, truth = true_poses(recording, [e for e in estimates if e.T_cam_port is not None])
-    T = stacked([e.T_cam_port for e in known])
+    T = stack_poses([e.T_cam_port for e in known])
     d = pose_difference(T, truth, port.yaw_period_rad)
     C = np.array([e.covariance for e in known])
     nees = mahalanobis(d, C)

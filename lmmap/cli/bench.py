@@ -80,7 +80,7 @@ def train(a) -> None:
     for gap, name, modality in product(gaps, names, modalities):
         asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
         changes = {key: value for key, value in asked.items() if value is not None}
-        recipe = Recipe.shipped(name, modality, gap, **changes)
+        recipe = Recipe.of_shipped(name, modality, gap, **changes)
         path = train.train(
             recipe, DERIVED_DATA / "training", lambda line: print(line, flush=True), go_on=a.go_on
         )

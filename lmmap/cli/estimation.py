@@ -17,7 +17,7 @@ from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.weights import FILTERS, weight_path
 from ..recordings.journal import Journal, recording_mark
-from ..recordings.pose_files import as_read
+from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
 from ..studies import pose_errors
 from ..tracking.fusion import fuse
@@ -145,7 +145,7 @@ def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Jo
     left = (shot for shot in shots if not journal.has(*shot.times_us))
     for _, e in run.estimate_images(left, estimator):
         journal.add(e)
-        yield as_read(e)
+        yield round_trip(e)
 
 
 def _made_of(a, modality: str, estimators: list) -> dict:

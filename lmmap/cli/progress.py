@@ -14,7 +14,7 @@ from ..recordings.stream import Stream
 GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
 
 
-def coloured(text, colour: str, file=None) -> str:
+def add_colour(text, colour: str, file=None) -> str:
     """The text, in colour if it goes to a terminal and NO_COLOR is not set."""
     file = file or sys.stdout
     return f"{colour}{text}{PLAIN}" if file.isatty() and not os.environ.get("NO_COLOR") else str(text)
@@ -48,5 +48,5 @@ def summary(statuses: list[str]) -> str:
     """The number of images, and of each status among them."""
     counts = Counter(statuses)
     return f"{len(statuses)} images; " + ", ".join(
-        coloured(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())
+        add_colour(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())
     )

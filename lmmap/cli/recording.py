@@ -18,7 +18,7 @@ from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Pose, Status
 from .inputs import check_between, input_files, make_estimator, no_images, open_input
-from .progress import GREEN, RED, coloured, summary
+from .progress import GREEN, RED, add_colour, summary
 
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
 
@@ -33,7 +33,7 @@ def info(a) -> None:
         return
     for name, value in facts.items():
         text = f"{value:.6g}" if isinstance(value, float) else str(value)
-        text = coloured(text, RED) if name in FAULTS and value else text
+        text = add_colour(text, RED) if name in FAULTS and value else text
         print(f"{name.replace('_', ' '):18} {text}")
 
 
@@ -119,7 +119,7 @@ def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
         facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
                  "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
         return json.dumps(facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None})
-    status = coloured(f"{e.status:10}", GREEN if e.status == Status.OK else RED)
+    status = add_colour(f"{e.status:10}", GREEN if e.status == Status.OK else RED)
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
 

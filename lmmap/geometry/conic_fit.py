@@ -63,9 +63,9 @@ def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
     A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
     """
     m = monomials(x)
-    zero, one = np.zeros(len(x)), np.ones(len(x))
-    m_u = np.stack([2 * x[:, 0], x[:, 1], zero, one, zero, zero], -1)
-    m_v = np.stack([zero, x[:, 0], 2 * x[:, 1], zero, one, zero], -1)
+    zeros, ones = np.zeros(len(x)), np.ones(len(x))
+    m_u = np.stack([2 * x[:, 0], x[:, 1], zeros, ones, zeros, zeros], -1)
+    m_v = np.stack([zeros, x[:, 0], 2 * x[:, 1], zeros, ones, zeros], -1)
     for _ in range(steps):
         theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
         q, qu, qv = _value_and_gradient(theta, x)

@@ -52,10 +52,10 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     rates = compared[compared.metric == "detection_rate_percent"]
     rates = rates.query("statistic == 'in_fov' and outlier_filter == 'without'").set_index(cell)
     rates = rates.assign(ellipse=100 * counts.ellipse / counts.in_view)[list(rows)].stack().unstack(cell[1:])
-    return _renamed(rates.reindex(index=list(product(GAPS, rows))), GAPS | rows)
+    return _rename(rates.reindex(index=list(product(GAPS, rows))), GAPS | rows)
 
 
-def _renamed(wide: pd.DataFrame, rows: dict | None = None):
+def _rename(wide: pd.DataFrame, rows: dict | None = None):
     """A table by light and modality in words and to a digit, styled."""
     wide = wide.reindex(columns=list(product(LIGHTS, ("rgb", "event")))).rename(rows or {})
     wide = wide.rename(LIGHTS | CAMERAS, axis=1)
@@ -72,7 +72,7 @@ def ladder_table(rungs: pd.DataFrame):
         scale = 1e3 if key[0] == "position_error_m" else 1.0
         wide = cells.loc[[key]].pivot(index="rung", columns=["light", "modality"], values="value")
         tables[WORDS[key]] = scale * wide.loc[list(RUNGS)]
-    return _renamed(pd.concat(tables))
+    return _rename(pd.concat(tables))
 
 
 def assumptions_table(effects: pd.DataFrame):

@@ -74,8 +74,8 @@ def _without_limit(
     settings = replace(settings_for(recording.camera), min_confidence=0.0)
     estimator = Estimator(recording.camera, modality=modality, settings=settings)
     images = timed_images(recording, modality, settings, rate_hz)
-    found = [estimate_image(estimator, image)[1] for image in images if image.times_us & t_us]
-    return {e.t_us: e for e in found}
+    estimates = [estimate_image(estimator, image)[1] for image in images if image.times_us & t_us]
+    return {e.t_us: e for e in estimates}
 
 
 def _of_times(estimates: list[Estimate], times_us) -> list[Estimate]:

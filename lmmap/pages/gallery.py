@@ -36,7 +36,7 @@ def worst(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> 
     return _in_view(folder, labels).dropna(subset="position_error_m").nlargest(count, "position_error_m")
 
 
-def missed(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> pd.DataFrame:
+def missed_images(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> pd.DataFrame:
     """Images with the ring in view and no pose, drawn by lot; arguments and result as in `worst`.
 
     The lot of an image is a hash of its label and time.  So an image that is drawn among all sequences is
@@ -70,7 +70,7 @@ def save_tiles(recording: Recording, folder: Path, labels: dict[str, tuple[str, 
     rate_hz
         The estimates' rate.
     """
-    kinds = (worst, missed) if recording.truth is not None else (false_poses,)
+    kinds = (worst, missed_images) if recording.truth is not None else (false_poses,)
     rows = pd.concat([kind(folder, labels) for kind in kinds])
     files = []
     with plt.rc_context():
@@ -96,7 +96,7 @@ def save_sheets(folder: Path, target: Path, labels: dict[str, tuple[str, str]], 
     """
     for name, rows in (
         ("worst", worst(folder, labels)),
-        ("missed", missed(folder, labels)),
+        ("missed", missed_images(folder, labels)),
         ("false", false_poses(folder, empty)),
     ):
         path = target / f"{name}.jpg"

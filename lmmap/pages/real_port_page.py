@@ -35,12 +35,12 @@ def draw_outlines(outlines: Mapping[str, dict], titles: Mapping[str, str]):
     return fig
 
 
-def _draw(ax, found: dict, outer: Ellipse) -> None:
-    mask = [np.array([pair.split(",") for pair in text.split()], float) for text in found["mask"]]
+def _draw(ax, outlines: dict, outer: Ellipse) -> None:
+    mask = [np.array([pair.split(",") for pair in text.split()], float) for text in outlines["mask"]]
     ax.add_collection(PolyCollection(mask, facecolor="none", edgecolor=COLOUR["ours"], lw=0.7))
     draw_ellipse(ax, outer, COLOUR["truth"], lw=1.2, ls="--")
-    if found["ellipse"] is not None:
-        port, ring = Port.lm_map(), _ellipse(found["ellipse"])
+    if outlines["ellipse"] is not None:
+        port, ring = Port.lm_map(), _ellipse(outlines["ellipse"])
         widen = port.ring_outer_radius_m / port.ring_radius_m
         draw_ellipse(ax, Ellipse(ring.centre_px, widen * ring.semi_axes_px, ring.angle_rad), COLOUR["event"])
     (u, v), half = outer.centre_px, AROUND * outer.semi_axes_px[0]

@@ -61,7 +61,7 @@ class Estimator(ImageEstimator):
         alone, and ``printed`` is left out.  Of a small sensor's histogram without a pose, larger ones are
         looked at."""
         check_time("t_us", t_us)
-        estimate = self.in_camera(self.on_grid(self.checked(image), t_us, near))
+        estimate = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
         if estimate.T_cam_port is None and near is None:
             looks = (larger(image, t_us) for larger in self._enlarged)
             estimate = next((look for look in looks if look.T_cam_port is not None), estimate)
@@ -153,8 +153,8 @@ class Estimator(ImageEstimator):
         """
         if near is not None:
             width_px = self.strip_px(near.ellipse)
-            if found := follow(near.ellipse, mask, width_px, self.grid, self.settings):
-                return found
+            if followed := follow(near.ellipse, mask, width_px, self.grid, self.settings):
+                return followed
         for peak_share in (self.settings.peak_share, 0.0):
             points = skeleton_points(mask, self.settings.mask_threshold, peak_share)
             if len(points) < self.settings.min_ring_pixels:
@@ -167,10 +167,10 @@ class Estimator(ImageEstimator):
             status = Status.NO_ELLIPSE
         else:
             return status, 0.0
-        found = contour.trace(fitted, mask, self.strip_px(fitted), self.grid, self.settings)
-        found = found or contour.from_points(fitted, points[inliers])
-        found = replace(found, score=contour.score(found.ellipse, mask, self.grid))
-        return found, ellipse.arc_coverage(found.ellipse, points)
+        ring = contour.trace(fitted, mask, self.strip_px(fitted), self.grid, self.settings)
+        ring = ring or contour.from_points(fitted, points[inliers])
+        ring = replace(ring, score=contour.score(ring.ellipse, mask, self.grid))
+        return ring, ellipse.arc_coverage(ring.ellipse, points)
 
     def strip_px(self, ring: Ellipse) -> float:
         """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""

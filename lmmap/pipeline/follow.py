@@ -54,17 +54,17 @@ def follow(
     ----------
     half_width_px : of the strip about the ellipse in which the mask's stroke is looked for
     """
-    found = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(1, 2))
-    if found is None:
+    ring = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(1, 2))
+    if ring is None:
         return None
-    major, minor = found.ellipse.semi_axes_px
+    major, minor = ring.ellipse.semi_axes_px
     if minor < settings.min_axis_ratio * major or major < settings.min_semi_major_px:
         return None
-    coverage = arc_coverage(found.ellipse, found.points_px)
-    found = replace(found, score=contour.score(found.ellipse, mask, camera))
+    coverage = arc_coverage(ring.ellipse, ring.points_px)
+    ring = replace(ring, score=contour.score(ring.ellipse, mask, camera))
     if (
         coverage < settings.min_arc_coverage
-        or found.score < settings.min_arc_coverage * settings.mask_threshold
+        or ring.score < settings.min_arc_coverage * settings.mask_threshold
     ):
         return None
-    return found, coverage
+    return ring, coverage

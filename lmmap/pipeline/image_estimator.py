@@ -60,9 +60,9 @@ class ImageEstimator:
             images are refused.  BGR cannot be told from RGB.
         """
         check_time("t_us", t_us)
-        return self.in_camera(self.on_grid(self.checked(image), t_us))
+        return self.in_camera(self.on_grid(self.to_grid(image), t_us))
 
-    def checked(self, image: np.ndarray) -> np.ndarray:
+    def to_grid(self, image: np.ndarray) -> np.ndarray:
         """An image of the camera in the pixels of `grid`; errors as in a call."""
         check_image(image, self.modality, self.camera)
         return resample(image, self.grid)

@@ -92,7 +92,7 @@ def _whole_table(path: Path, at: int, compression: int) -> bool:
         file.seek(at)
         data = file.read()
     try:
-        table = _decompressed(data, compression)
+        table = _decompress(data, compression)
         return len(table) == 4 + _unpack("<I", table[:4])[0]
     except (ValueError, RuntimeError, zstd.ZstdError):
         return False
@@ -122,10 +122,10 @@ def _packets(path: Path, end: int, streams) -> Iterator[tuple[int, int, int]]:
 def _content(path: Path, compression: int, at: int, size: int) -> bytes:
     with path.open("rb") as file:
         file.seek(at)
-        return _decompressed(file.read(size), compression)
+        return _decompress(file.read(size), compression)
 
 
-def _decompressed(data: bytes, compression: int) -> bytes:
+def _decompress(data: bytes, compression: int) -> bytes:
     if not compression:
         return data
     decompressor = DECOMPRESSORS[compression]()
@@ -141,7 +141,7 @@ def _contents(path: Path, wanted: int) -> Iterator[bytes]:
         for stream, at, size in _packets(path, end, streams):
             if stream == wanted:
                 file.seek(at)
-                yield _decompressed(file.read(size), compression)
+                yield _decompress(file.read(size), compression)
 
 
 def _events(path: Path, stream: int) -> Iterator[np.ndarray]:

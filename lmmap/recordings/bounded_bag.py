@@ -35,7 +35,7 @@ class BoundedReader(Reader):
         if max(size, datasize) > MAX_CHUNK_BYTES or datapos + datasize > self._size:
             raise ReaderError(f"A chunk of {max(size, datasize)} bytes.")
         self.bio.seek(datasize, os.SEEK_CUR)
-        return Chunk(datasize, datapos, partial(_decompressed, DECOMPRESSORS[kind], size))
+        return Chunk(datasize, datapos, partial(_decompress, DECOMPRESSORS[kind], size))
 
 
 class BoundedPath:
@@ -58,7 +58,7 @@ class _BoundedFile(io.BufferedReader):
         return super().read(size)
 
 
-def _decompressed(decompressor, size: int, content: bytes) -> bytes:
+def _decompress(decompressor, size: int, content: bytes) -> bytes:
     """A chunk's bytes; ValueError where they are not as many as its header states."""
     if decompressor is not None:
         inflate = decompressor()

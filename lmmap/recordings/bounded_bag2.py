@@ -59,7 +59,7 @@ class BoundedDirectory(DirectoryReader):
     def messages(self, connections, start=None, stop=None):
         """Yield connection, time (ns) and bytes of each message, unpacked within limits."""
         for connection, time_ns, raw in super().messages(connections, start, stop):
-            yield connection, time_ns, _inflated(zstd.ZstdDecompressor(), raw) if self._packed else raw
+            yield connection, time_ns, _inflate(zstd.ZstdDecompressor(), raw) if self._packed else raw
 
 
 class _Folder:
@@ -97,7 +97,7 @@ def _check_unpacked(path: Path) -> None:
                 raise ReaderError(f"{path.name} unpacks to more than {most} bytes.")
 
 
-def _inflated(decompressor, packed: bytes, size: int = MAX_CHUNK_BYTES) -> bytes:
+def _inflate(decompressor, packed: bytes, size: int = MAX_CHUNK_BYTES) -> bytes:
     """What bytes unpack to; ReaderError where that is more than ``size``."""
     if size > MAX_CHUNK_BYTES:
         raise ReaderError(f"A chunk of {size} bytes.")
@@ -109,8 +109,8 @@ def _inflated(decompressor, packed: bytes, size: int = MAX_CHUNK_BYTES) -> bytes
 
 # The library's own entries inflate without a limit; these also check what the chunk's header states.
 storage_mcap.DECOMPRESSORS.update(
-    lz4=lambda packed, size: _inflated(LZ4FrameDecompressor(), packed, size),
-    zstd=lambda packed, size: _inflated(zstd.ZstdDecompressor(), packed, size),
+    lz4=lambda packed, size: _inflate(LZ4FrameDecompressor(), packed, size),
+    zstd=lambda packed, size: _inflate(zstd.ZstdDecompressor(), packed, size),
 )
 
 # A column may be computed: a short file could answer with gigabytes.

@@ -31,7 +31,7 @@ class HighTime:
     def __init__(self, bits: int):
         self.period, self.last = 1 << bits, None
 
-    def unrolled(self, highs: np.ndarray) -> np.ndarray:
+    def unroll(self, highs: np.ndarray) -> np.ndarray:
         """The high parts (N,) without roll-over: a step by more than half the period is one."""
         if not len(highs):
             return highs.astype(np.int64)
@@ -54,7 +54,7 @@ class Evt2:
         kind = words >> 28
         last = self.high.last
         sets_time = kind == 8
-        highs = self.high.unrolled(words[sets_time] & 0xFFF_FFFF)
+        highs = self.high.unroll(words[sets_time] & 0xFFF_FFFF)
         high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
         is_event = (kind <= 1) & (high >= 0)
         w = words[is_event]
@@ -81,7 +81,7 @@ class Evt21:
         kind = upper >> 28
         last = self.high.last
         sets_time = kind == 8
-        highs = self.high.unrolled(upper[sets_time] & 0xFFF_FFFF)
+        highs = self.high.unroll(upper[sets_time] & 0xFFF_FFFF)
         high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
         is_event = (kind <= 1) & (high >= 0)
         w, high, (row, bit) = upper[is_event], high[is_event], _set_bits(valid[is_event], 32)
@@ -157,7 +157,7 @@ class Evt3:
         """Time (N,) at each word, -1 before both parts of it are known."""
         sets_high, sets_low = kind == self.codes.time_high, kind == self.codes.time_low
         last = self.high.last
-        highs = _at(sets_high, self.high.unrolled(value[sets_high]))
+        highs = _at(sets_high, self.high.unroll(value[sets_high]))
         high = _latest(sets_high, highs, -1 if last is None else last)
         # a low part without a high part before it says nothing
         low = _latest(sets_low & (high >= 0), value, self.low)

@@ -29,7 +29,7 @@ def read_folder(path: Path) -> Source:
     Times as in `text.read`; an ``events.txt`` beside them is read too, as in RPG's data sets.
     """
     with _folder_errors(path):
-        names, t_us = _listed(path)
+        names, t_us = _list_pictures(path)
         first = read_image(names[0])
     event_file = path / "events.txt"
     events = partial(text.events, event_file) if event_file.exists() else no_events
@@ -37,7 +37,7 @@ def read_folder(path: Path) -> Source:
     return Source(path, first.shape[1::-1], events, frames, (min(t_us), max(t_us)))
 
 
-def _listed(path: Path) -> tuple[list[Path], list[int]]:
+def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
     """The folder's images and their times (us), as its list states them."""
     lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
     if not lists:

@@ -28,13 +28,13 @@ def pictures(path: Path) -> Iterator[tuple[str, np.ndarray]]:
     path = Path(path)
     if path.is_dir():
         names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
-        found = ((p.stem, _read(p)) for p in names)
+        pictures = ((p.stem, _read(p)) for p in names)
     elif path.suffix.lower() == ".pdf":
-        found = _pdf_pictures(path)
+        pictures = _pdf_pictures(path)
     else:
         raise InputError(f"{path}: neither a folder nor a .pdf; name one of these")
     seen = 0
-    for seen, (name, image) in enumerate(found, 1):
+    for seen, (name, image) in enumerate(pictures, 1):
         if seen > MAX_PICTURES:
             raise InputError(f"{path}: more than {MAX_PICTURES} pictures; give a part of them")
         yield name, image

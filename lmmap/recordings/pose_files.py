@@ -103,7 +103,7 @@ def as_row(e: Estimate) -> dict:
     return row
 
 
-def as_read(e: Estimate) -> Estimate:
+def round_trip(e: Estimate) -> Estimate:
     """The estimate after a round trip through its CSV row."""
     return _estimate(as_row(e))
 
@@ -147,10 +147,10 @@ def _estimate(row: dict) -> Estimate:
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:
     """The estimates that have a pose, as a trajectory."""
     posed = [e for e in estimates if e.T_cam_port is not None]
-    return Trajectory([e.t_us for e in posed], stacked([e.T_cam_port for e in posed]))
+    return Trajectory([e.t_us for e in posed], stack_poses([e.T_cam_port for e in posed]))
 
 
-def stacked(poses: list[Pose]) -> Pose:
+def stack_poses(poses: list[Pose]) -> Pose:
     """Single poses as one of shape (N,)."""
     rotation = np.array([T.rotation for T in poses]).reshape(-1, 3, 3)
     return Pose(rotation, np.array([T.position_m for T in poses]).reshape(-1, 3))

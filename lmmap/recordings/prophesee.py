@@ -59,7 +59,7 @@ def _dat(path: Path, start: int):
 
     def events(e: np.ndarray) -> np.ndarray:
         xyp = e["xyp"]
-        return from_columns(time.unrolled(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
+        return from_columns(time.unroll(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
 
     with _file_errors(path):
         yield from in_chunks(events(e) for e in _words(path, start, record))

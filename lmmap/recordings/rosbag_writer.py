@@ -30,13 +30,13 @@ def write(recording: Recording, path: Path, others=(), calibrated: bool = True) 
         topics.append(("/dvs/camera_info", "sensor_msgs/msg/CameraInfo", messages))
     with Writer(path) as bag:
         connections = [bag.add_connection(topic, kind, typestore=STORE) for topic, kind, _ in topics]
-        numbered = (_numbered(k, messages) for k, (_, _, messages) in enumerate(topics))
+        numbered = (_number_messages(k, messages) for k, (_, _, messages) in enumerate(topics))
         ordered = merge(*numbered, key=lambda m: m[0])
         for t_us, k, raw in ordered:
             bag.write(connections[k], t_us * 1000, raw)
 
 
-def _numbered(number: int, messages):
+def _number_messages(number: int, messages):
     return ((t_us, number, raw) for t_us, raw in messages)
 
 

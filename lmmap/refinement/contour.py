@@ -86,11 +86,11 @@ def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
 
 def from_points(ellipse: Ellipse, points_px) -> Contour:
     """The contour that points (M, 2), found elsewhere to lie on an ellipse, are."""
-    x, theta, _, scale = _normalised(np.asarray(points_px, float), ellipse)
+    x, theta, _, scale = _normalise(np.asarray(points_px, float), ellipse)
     return Contour(ellipse, points_px, float(scale * np.sqrt(np.mean(sampson_distance(theta, x) ** 2))))
 
 
-def _normalised(points, ellipse: Ellipse):
+def _normalise(points, ellipse: Ellipse):
     x, centre, scale = normalise(points)
     to_px = np.array([[scale, 0, centre[0]], [0, scale, centre[1]], [0, 0, 1]])
     return x, conic_coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
@@ -99,7 +99,7 @@ def _normalised(points, ellipse: Ellipse):
 def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarray, float]:
     """Sampson fit with Tukey's weights at 4.7 robust standard deviations, from a nearby ellipse; which
     points have a weight, and their standard deviation about the fit."""
-    x, theta, centre, scale = _normalised(points, start)
+    x, theta, centre, scale = _normalise(points, start)
     for _ in range(rounds):
         r = np.abs(sampson_distance(theta, x))
         cut = 4.7 * max(1.48 * np.median(r), 1e-9)

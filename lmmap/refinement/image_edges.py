@@ -18,7 +18,7 @@ from ..geometry.rotations import rotation_z
 from ..geometry.sampling import sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
-from .joint import STEPS, moved
+from .joint import STEPS, move
 from .verify import hidden
 
 RING_POINTS, SIDE_POINTS = 48, 6  # of each of the ring's edges, and of each side of the rim or tip
@@ -56,7 +56,7 @@ def refine(
         seen &= ~(on_ring & hidden(points_m, T.inverse.position_m, port))
         if seen.sum() < settings.min_edges:
             return T_cam_port, np.asarray(covariance)
-        steps = moved(T, np.vstack([np.zeros(6), STEPS]))
+        steps = move(T, np.vstack([np.zeros(6), STEPS]))
         shifted = project(steps[:, None] @ points_m[seen], camera)
         J = np.sum((shifted[1:] - shifted[0]) * normal[seen], -1).T / STEPS.diagonal()
         J = np.column_stack([J, on_ring[seen], ~on_ring[seen]])
@@ -66,7 +66,7 @@ def refine(
         away = np.concatenate([T.position_m - T_cam_port.position_m, turned, offset_px])
         normal_matrix = (J.T * weight) @ J + information
         step = np.linalg.solve(normal_matrix, (J.T * weight) @ residual - information @ away)
-        T, offset_px = moved(T, step[None, :6])[0], offset_px + step[6:]
+        T, offset_px = move(T, step[None, :6])[0], offset_px + step[6:]
     return T, np.linalg.inv(normal_matrix)[:6, :6]
 
 

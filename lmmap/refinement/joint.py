@@ -53,7 +53,7 @@ def refine(
     sides_m = _side_points_m(port)
     T = T_cam_port
     for _ in range(settings.joint_rounds):
-        steps = moved(T, np.vstack([np.zeros(6), STEPS]))
+        steps = move(T, np.vstack([np.zeros(6), STEPS]))
         theta = conic_coefficients(circle_conic(steps, port.ring_radius_m, camera))
         distance = sampson_distance(theta, ring_points_px)  # (7, M)
         J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
@@ -80,7 +80,7 @@ def refine(
             normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
         )
         step = step / scale
-        T = moved(T, -step[None, :6])[0]
+        T = move(T, -step[None, :6])[0]
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
     inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
@@ -96,7 +96,7 @@ def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
     return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
 
 
-def moved(T: Pose, steps) -> Pose:
+def move(T: Pose, steps) -> Pose:
     """Poses (N,) at small steps (N, 6) from one: position, then rotation on the left."""
     turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
     return Pose(turn @ T.rotation, T.position_m + steps[:, :3])

@@ -106,12 +106,12 @@ def pose_uncertainty(
     dw = z @ root.T
     tilt_sigmas = float(np.linalg.norm(np.linalg.solve(root, [w, 0])))
     branches = (branch, -branch) if tilt_sigmas < merged else (branch,)
-    around = np.concatenate([_moved(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches])
+    around = np.concatenate([_move(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches])
     weights = np.tile(weights, len(branches)) / len(branches)
     rest = chart[:3, :3] - gain @ chart[3:, :3]
     step = 1e-6
-    here = _moved(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
-    J_rest = (_moved(step * np.eye(3), np.array([[w, 0]] * 3), size, branch, radius_m) - here) / step
+    here = _move(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
+    J_rest = (_move(step * np.eye(3), np.array([[w, 0]] * 3), size, branch, radius_m) - here) / step
     moments = np.einsum("n,ni,nj->ij", weights, around - here, around - here) + J_rest.T @ rest @ J_rest
 
     # to the camera's axes: position, and the rotation n x dn that turns the normal by dn
@@ -158,7 +158,7 @@ def _chart(T_cam_port: Pose, radius_m: float, camera: Camera):
     return eigenvalues, E, m, (eigenvalues[0] - eigenvalues[1]) / (m + 1)
 
 
-def _moved(dys, w, size: float, branch: float, radius_m: float) -> np.ndarray:
+def _move(dys, w, size: float, branch: float, radius_m: float) -> np.ndarray:
     """Position and outward normal (N, 6), in the estimate's axes, of cones at (y1, y2, s) steps dys
     (N, 3) and vectors w (N, 2), on the branch nearest to the estimate's."""
     # the chart's definitions solved for the cone, then the exact pose of `circle.poses`
@@ -170,10 +170,10 @@ def _moved(dys, w, size: float, branch: float, radius_m: float) -> np.ndarray:
     n = np.column_stack([sine[:, None] * along, cosine])
     p = radius_m * np.column_stack([-(sine / np.sqrt(l1))[:, None] * along, np.sqrt(l1) * cosine])
     turn = np.column_stack([-dys[:, 1], dys[:, 0], np.zeros(len(w))])
-    return np.column_stack([_rotated(turn, p), _rotated(turn, n)])
+    return np.column_stack([_rotate(turn, p), _rotate(turn, n)])
 
 
-def _rotated(turn, v):
+def _rotate(turn, v):
     """Rodrigues' formula, (N, 3) x (N, 3)."""
     angle = np.linalg.norm(turn, axis=1, keepdims=True)
     axis = turn / np.maximum(angle, 1e-300)

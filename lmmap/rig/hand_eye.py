@@ -88,12 +88,12 @@ class _Problem:
             y[free] = values
             return y
 
-        def stacked(values):
+        def stack(values):
             y = put(values)
             prior = np.sqrt(variance) * y[12:] / PRIOR
             return np.concatenate([(weight * self.residuals(y, rows)).ravel(), prior])
 
-        result = least_squares(stacked, x[free], x_scale="jac", **options)
+        result = least_squares(stack, x[free], x_scale="jac", **options)
         return put(result.x), result
 
     def fit(self, x, free, rows, rounds: int = 6):

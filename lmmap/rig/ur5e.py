@@ -26,15 +26,15 @@ SEATS_M = np.array([[0, 0, D1], [0, 0, 0], [A2, 0, 0], [A3, 0, D4], [0, -D5, 0],
 SEATS_RAD = np.pi / 2 * np.array([0, 1, 0, 0, 1, -1])
 
 
-def _fixed(*rpy_rad) -> Pose:
+def _fixed_transform(*rpy_rad) -> Pose:
     return Pose(Rotation.from_euler("xyz", rpy_rad).as_matrix(), np.zeros(3))
 
 
 FIXED = {  # T_parent_child of links that never move
-    (BASE, LINKS[0]): _fixed(0, 0, np.pi),
-    (BASE, "base"): _fixed(0, 0, np.pi),
-    (LINKS[-1], "flange"): _fixed(0, -np.pi / 2, -np.pi / 2),
-    ("flange", EFFECTOR): _fixed(np.pi / 2, 0, np.pi / 2),
+    (BASE, LINKS[0]): _fixed_transform(0, 0, np.pi),
+    (BASE, "base"): _fixed_transform(0, 0, np.pi),
+    (LINKS[-1], "flange"): _fixed_transform(0, -np.pi / 2, -np.pi / 2),
+    ("flange", EFFECTOR): _fixed_transform(np.pi / 2, 0, np.pi / 2),
 }
 
 

@@ -67,7 +67,7 @@ class Study:
     sources: Sequence[str] = RESULT_SOURCES
     draws: int = DRAWS
 
-    def packed(self, name: str) -> Path:
+    def archive(self, name: str) -> Path:
         """The packed results of a sequence."""
         return self.committed / "sequences" / f"{name}.zip"
 
@@ -113,7 +113,7 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
         mark = fingerprint(name, profile, best_precision(), patterns=study.sources)
         if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
-        elif go_on and unpack(study.packed(name), folder, mark):
+        elif go_on and unpack(study.archive(name), folder, mark):
             write_text(folder / f"{name}.done", mark)
             report(f"{name}: results as packed")
         else:
@@ -187,7 +187,7 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
     if pictures and kind != "hard":
         files += pictures(recording, folder, _labels([name]), rate_hz)
     if profile == "paper":
-        pack(study.packed(name), files, folder, mark)
+        pack(study.archive(name), files, folder, mark)
     write_text(folder / f"{name}.done", mark)
 
 

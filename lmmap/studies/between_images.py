@@ -22,7 +22,7 @@ from ..pipeline.histograms import window_histograms, windows_at
 from ..pipeline.run import TimedImage, estimate_image
 from ..provenance import DATA, DERIVED_DATA, save_table
 from ..recordings.formats import open_recording, read_estimates, write_recording
-from ..recordings.pose_files import stacked, write_estimates
+from ..recordings.pose_files import stack_poses, write_estimates
 from ..settings import OURS, BetweenSettings
 from ..tracking.between import Between
 from ..types import Estimate, Port, Recording
@@ -57,7 +57,7 @@ class Followed:
     updates: int
 
 
-def recorded(name: str, seconds: float, folder: Path) -> Recording:
+def kept_recording(name: str, seconds: float, folder: Path) -> Recording:
     """A sequence of the bench with events as fine as this study needs; made once."""
     path = folder / f"{name}.h5"
     if not path.exists():
@@ -127,7 +127,7 @@ def errors(followed: Followed, recording: Recording, port: Port) -> pd.DataFrame
         chosen = [answers[k] for k in np.flatnonzero(known)]
         if not chosen:
             continue
-        T, true = stacked([e.T_cam_port for e in chosen]), truth[known]
+        T, true = stack_poses([e.T_cam_port for e in chosen]), truth[known]
         d = pose_difference(T, true, port.yaw_period_rad)
         C = np.array([e.covariance for e in chosen])
         nees = np.einsum("ni,ni->n", d, np.linalg.solve(C, d[..., None])[..., 0])
@@ -159,14 +159,14 @@ def main() -> None:
     """Makes the committed tables: ``python -m lmmap.studies.between_images``."""
     port, tables, rows = Port.lm_map(), [], []
     for name, seconds in SEQUENCES.items():
-        recording = recorded(name, seconds, FOLDER)
+        recording = kept_recording(name, seconds, FOLDER)
         images = kept_arrivals(recording, FOLDER)
-        found = sum(a.estimate.T_cam_port is not None for a in images)
+        poses = sum(a.estimate.T_cam_port is not None for a in images)
         rows.append(
-            {"speed_mm_s": name.split("-")[1], "sequence": name, "images": len(images), "found": found}
+            {"speed_mm_s": name.split("-")[1], "sequence": name, "images": len(images), "found": poses}
         )
         print(rows[-1], flush=True)
-        if found:
+        if poses:
             tables.append(errors(follow(recording, images, port), recording, port))
     table = pd.concat(tables)
     table["speed_mm_s"] = table.sequence.str.split("-").str[1]

@@ -110,16 +110,16 @@ def _unknown_satellites(table):
     """The central claim, by the filters that never saw the panel of the test."""
     cells = table.query("training == 'high-domain-gap' and outlier_filter == 'without'")
     keys = ["light", "modality"]
-    found = cells.query("metric == 'detection_rate_percent' and statistic == 'in_fov'").set_index(keys)
+    rates = cells.query("metric == 'detection_rate_percent' and statistic == 'in_fov'").set_index(keys)
     error = cells.query("metric == 'position_error_m' and statistic == 'median'").set_index(keys)
     wrong = cells.query("metric == 'wrong_percent'").set_index(keys)
 
     def text(e):
-        ranges = [(found[e], "found in", "%"), (1e3 * error[e], "off by", "mm")]
+        ranges = [(rates[e], "found in", "%"), (1e3 * error[e], "off by", "mm")]
         ranges += [(wrong[e], "wrong in", "%")] if e in wrong and wrong[e].notna().any() else []
         return ", ".join(f"{words} {v.min():.0f} to {v.max():.0f} {unit}" for v, words, unit in ranges)
 
-    judged = {e: (text(e), verdict((found[e] >= FOUND_PERCENT) & (error[e] <= NEAR_M))) for e in _run(table)}
+    judged = {e: (text(e), verdict((rates[e] >= FOUND_PERCENT) & (error[e] <= NEAR_M))) for e in _run(table)}
     return row(
         "It works on satellites that no network was trained on (by light and camera)",
         text("table1"),

@@ -14,7 +14,7 @@ from ..bench import labels, photometry, sequences
 from ..geometry.port import in_view
 from ..pipeline.run import true_poses
 from ..provenance import DATA
-from ..recordings.pose_files import stacked
+from ..recordings.pose_files import stack_poses
 from ..settings import PAPER
 from ..tracking.outliers import is_certain, outlier_filter, sigmas
 from ..types import Estimate, Port, Pose, Recording
@@ -70,7 +70,7 @@ def _error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndar
     """`METRICS` (N, 3) of estimates; rows without a pose are NaN."""
     values = np.full((len(estimates), len(METRICS)), np.nan)
     has_pose = np.array([e.T_cam_port is not None for e in estimates], bool)
-    poses, truth = stacked([e.T_cam_port for e in estimates if e.T_cam_port is not None]), truth[has_pose]
+    poses, truth = stack_poses([e.T_cam_port for e in estimates if e.T_cam_port is not None]), truth[has_pose]
     values[has_pose] = np.column_stack([
         position_error_m(poses, truth), np.rad2deg(normal_error_rad(poses, truth)),
         np.rad2deg(rotation_error_rad(poses, truth, port.yaw_period_rad)),
@@ -84,7 +84,7 @@ def _predictions(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarr
     has_both = np.array([e.T_cam_port is not None and e.covariance is not None for e in estimates], bool)
     predicted = [e for e, has in zip(estimates, has_both, strict=True) if has]
     if predicted:
-        poses = stacked([e.T_cam_port for e in predicted])
+        poses = stack_poses([e.T_cam_port for e in predicted])
         differences = pose_difference(poses, truth[has_both], port.yaw_period_rad)
         nees = [d @ np.linalg.solve(e.covariance, d) for d, e in zip(differences, predicted, strict=True)]
         deviations = np.array([sigmas(e) for e in predicted]) * [1, 180 / np.pi]
@@ -214,8 +214,8 @@ def compare(folder: Path) -> pd.DataFrame:
     """
     cell = ["training", "outlier_filter", "metric", "statistic", "light"]
     compared = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
-    found = compared[(compared.metric == "detection_rate_percent") & (compared.statistic == "in_fov")]
-    compared = pd.concat([compared, found.assign(metric="wrong_percent", table1=np.nan)], ignore_index=True)
+    rates = compared[(compared.metric == "detection_rate_percent") & (compared.statistic == "in_fov")]
+    compared = pd.concat([compared, rates.assign(metric="wrong_percent", table1=np.nan)], ignore_index=True)
     summaries = pd.read_csv(folder / "summary.csv")
     if (folder / "ladder.csv").exists():
         rungs = pd.read_csv(folder / "ladder.csv").rename(columns={"rung": "variant"})

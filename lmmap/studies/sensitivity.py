@@ -63,7 +63,7 @@ def explained_rotation_rad(
     return tilt_from_minor_axis_rad(Z, shorter, focal_px, radius_m) - tilt
 
 
-def tilted(distance_m, tilt_rad) -> Pose:
+def tilted_pose(distance_m, tilt_rad) -> Pose:
     """Circles on the optical axis, tilted about the camera's x axis; arguments broadcast."""
     Z, tilt = np.broadcast_arrays(np.asarray(distance_m, float), np.asarray(tilt_rad, float))
     c, s, o = np.cos(tilt), np.sin(tilt), np.zeros_like(tilt)
@@ -80,7 +80,7 @@ def displacements(before: Pose, after: Pose, radius_m: float) -> np.ndarray:
     return np.sum(x * Cx, -1) / (2 * np.linalg.norm(Cx[..., :2], axis=-1))
 
 
-def refitted(before: Pose, after: Pose, radius_m: float) -> Pose:
+def refit_pose(before: Pose, after: Pose, radius_m: float) -> Pose:
     """The pose ``after``, shifted without a turn so that its contour fits that of ``before`` best."""
     step = 1e-5 * before.position_m[..., 2]
     for _ in range(2):
@@ -102,7 +102,7 @@ def _axis(k, factor):
 
 def _contour(reduce, refit):
     def change(before, after, radius_m):
-        after = refitted(before, after, radius_m) if refit else after
+        after = refit_pose(before, after, radius_m) if refit else after
         return reduce(np.abs(displacements(before, after, radius_m)), -1)
 
     return change
@@ -127,11 +127,11 @@ def turn_rad(reading: str, distance_m, tilt_rad, focal_px: float, radius_m: floa
     Z, tilt = np.broadcast_arrays(np.asarray(distance_m, float), np.asarray(tilt_rad, float))
     if not (0 < radius_m < Z.min() and focal_px > 0):
         raise ValueError(f"distance_m: expected more than the radius, {radius_m} m, got {Z.min()} m")
-    before = tilted(Z, tilt)
+    before = tilted_pose(Z, tilt)
     low, high = np.zeros(Z.shape), np.maximum(np.deg2rad(85.0) - tilt, 0)
 
     def change(turn):
-        return READINGS[reading](before, tilted(Z, tilt + turn), radius_m) * focal_px
+        return READINGS[reading](before, tilted_pose(Z, tilt + turn), radius_m) * focal_px
 
     reached = change(high) >= pixels
     for _ in range(24):
@@ -167,7 +167,7 @@ def monte_carlo(tilts_deg, trials: int, camera: Camera, radius_m: float, rng: np
     often the truth lies in the 95 % region of the cone's chart."""
     rows = []
     for tilt_deg in tilts_deg:
-        T = tilted(distance_m, np.deg2rad(tilt_deg))
+        T = tilted_pose(distance_m, np.deg2rad(tilt_deg))
         points = circle_ellipse(T, radius_m, camera).points(count)
         off, nees = np.zeros(trials), np.zeros(trials)
         for k in range(trials):

@@ -18,21 +18,21 @@ from . import pose_errors
 from .right_and_wrong import is_wrong, shares
 
 
-def frame_by_frame(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
+def errors_frame_by_frame(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
                    ) -> pd.DataFrame:  # fmt: skip
     """`pose_errors.errors` of a recording's images, each estimated alone."""
     images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     return pose_errors.errors(recording, [estimate_image(estimator, i)[1] for i in images], estimator.port)
 
 
-def tracked(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
+def errors_tracked(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
             ) -> pd.DataFrame:  # fmt: skip
     """`pose_errors.errors` of a recording's images tracked.
 
     Those answers count that an image supports; predictions are no poses here.
     """
     images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
-    estimates = [_seen(e) for _, e in track_images(images, Tracker(estimator))]
+    estimates = [_without_prediction(e) for _, e in track_images(images, Tracker(estimator))]
     return pose_errors.errors(recording, estimates, estimator.port)
 
 
@@ -72,5 +72,5 @@ def images_to_a_right_pose(table: pd.DataFrame, settings: Settings = OURS) -> li
     return waits
 
 
-def _seen(e: Estimate) -> Estimate:
+def _without_prediction(e: Estimate) -> Estimate:
     return e if e.status == Status.OK else replace(e, T_cam_port=None, covariance=None)

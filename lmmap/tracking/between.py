@@ -165,7 +165,7 @@ class Between:
 
     def as_late(self, camera: str, e: Estimate, fusion: Fusion) -> Estimate:
         """An estimate as events of its time would show it: a frame is not late."""
-        state = fusion.predicted(e.t_us)
+        state = fusion.predict(e.t_us)
         if camera == "event" or state is None or e.T_cam_port is None:
             return e
         back = -1e-6 * self.settings.late_us * state.velocity
@@ -182,7 +182,7 @@ class Between:
         so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
         """
         s, t_us = self.settings, int(events["t_us"].mean())
-        if self.state is None or t_us < self.state.t_us or (state := self._fusion.predicted(t_us)) is None:
+        if self.state is None or t_us < self.state.t_us or (state := self._fusion.predict(t_us)) is None:
             return None
         T, P = state.T_cam_port, state.covariance
         J = self._finder.edges.jacobian(T, self._finder.camera)
@@ -208,7 +208,7 @@ class Between:
         e = fusion.at(t_us + self.settings.late_us)
         if e.T_cam_port is None:
             return replace(e, t_us=t_us)
-        off = 1e-6 * self.settings.late_sigma_us * fusion.predicted(e.t_us).velocity
+        off = 1e-6 * self.settings.late_sigma_us * fusion.predict(e.t_us).velocity
         return replace(e, t_us=t_us, covariance=e.covariance + np.outer(off, off))
 
     def _visible_pieces(self, t_us: int, T_cam_port: Pose) -> np.ndarray:
@@ -220,7 +220,7 @@ class Between:
     def _update(self, events) -> bool:
         if (information := self.measure(events)) is None:
             return False
-        self._fusion.state = information.update(self._fusion.predicted(information.t_us))
+        self._fusion.state = information.update(self._fusion.predict(information.t_us))
         self._keep(self._fusion.state, information)
         self.used += information.events
         return True

@@ -77,7 +77,7 @@ class Fusion:
                 variances = np.diag(e.covariance).tolist()
                 raise ValueError(f"estimates: expected positive variances, got {variances} from {camera}")
         track, whole = (
-            self.predicted(t_us),
+            self.predict(t_us),
             [camera for camera, e in seen.items() if e.T_cam_port is not None],
         )
         if track is None and whole:
@@ -100,14 +100,14 @@ class Fusion:
 
     def fits(self, e: Estimate) -> bool:
         """Whether there is a track, and the estimate or its rival keeps the gate about it."""
-        track, measured = self.predicted(e.t_us), e.T_cam_port or e.ring
+        track, measured = self.predict(e.t_us), e.T_cam_port or e.ring
         return track is not None and measured is not None and self._match(track, e) is not None
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost, or its yaw
         was, when last seen, less known than by a guess: a camera's pose may have a guessed yaw, but rings
         alone do not go on with it."""
-        track = self.predicted(t_us)
+        track = self.predict(t_us)
         if track is None:
             status = max(self._statuses.values(), key=_progress, default=Status.NO_RING)
             return Estimate(t_us, Status.NO_RING if status == Status.OK else status)
@@ -116,7 +116,7 @@ class Fusion:
             return Estimate(t_us, Status.NO_MARKERS)
         return Estimate(t_us, Status.OK, track.T_cam_port, covariance=track.pose_covariance)
 
-    def predicted(self, t_us: int) -> MotionState | None:
+    def predict(self, t_us: int) -> MotionState | None:
         """The track's state at a time not before its own; None while there is no track."""
         if self.state is None or t_us - max(self.seen_us.values()) > 1e6 * self.motion.lost_s:
             return None

@@ -17,7 +17,7 @@ def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tupl
 
     Of two images, the one of N events and the wider one, the image is that of the answer's time.
     """
-    return (_answered(shot, tracker) for shot in _in_order(timed))
+    return (_answer(shot, tracker) for shot in _in_order(timed))
 
 
 def track_between(
@@ -43,7 +43,7 @@ def track_between(
                 break
             answers.append((None, e))
         events.tell(tracker, shot.t_us)
-        answers.append(_answered(shot, tracker))  # a wider image is older than the last ticks
+        answers.append(_answer(shot, tracker))  # a wider image is older than the last ticks
         last_us = shot.t_us
         yield from sorted(answers, key=lambda answer: answer[1].t_us)
 
@@ -82,6 +82,6 @@ def _in_order(timed: Iterable[TimedImage]) -> Iterator[TimedImage]:
             yield shot
 
 
-def _answered(shot: TimedImage, tracker: Tracker) -> tuple[np.ndarray, Estimate]:
+def _answer(shot: TimedImage, tracker: Tracker) -> tuple[np.ndarray, Estimate]:
     e = tracker(shot.image, shot.t_us, shot.wider)
     return (shot.wider[1] if shot.wider and e.t_us == shot.wider[0] else shot.image), e

@@ -80,7 +80,7 @@ class Tracker:
         estimates = []
         for look_us, look in looks:
             with self._track.before(look_us) as known:
-                if look_us == t_us and known.predicted(t_us) is None:
+                if look_us == t_us and known.predict(t_us) is None:
                     self._support = 0
                 e, fits = self._measure(known, modality, look, look_us)
             if fits and e.T_cam_port is not None:
@@ -131,7 +131,7 @@ class Tracker:
     def _measure(self, track: Fusion, modality: str, image: np.ndarray, t_us: int) -> tuple[Estimate, bool]:
         """The estimate about the predicted ring or, where that does not fit the track, of the whole image;
         and whether it fits."""
-        estimator, state = self.estimators[modality], track.predicted(t_us)
+        estimator, state = self.estimators[modality], track.predict(t_us)
         near = expected_ring(state, estimator) if state else None
         self._since_full += 1
         if near and self._since_full < self.settings.full_frame_every:
@@ -144,7 +144,7 @@ class Tracker:
     def _judge(self, track: Fusion, modality: str, e: Estimate) -> tuple[Estimate, bool]:
         """An estimate, and whether it fits the track.  A pose that the image alone leaves doubtful is one if
         the track expected it."""
-        state = track.predicted(e.t_us)
+        state = track.predict(e.t_us)
         e = replace(e, predicted=state and state.T_cam_port)
         if e.status == Status.UNSURE and e.confidence >= self.settings.min_tracked_confidence:
             sure = replace(e, status=Status.OK, T_cam_port=e.doubtful, doubtful=None)

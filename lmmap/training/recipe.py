@@ -59,7 +59,7 @@ class Recipe:
             raise InputError(f"--restart {given}: give rising steps from 1 to {self.steps - 1}")
 
     @classmethod
-    def shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
+    def of_shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
         """The recipe of weights that ship; the robust ones go on from the low domain gap's."""
         start_from = "low" if domain_gap == "robust" else ""
         steps, rate = STEPS[f"{name}-{modality}"][domain_gap], RATE[domain_gap]

@@ -323,10 +323,10 @@ def test_colours_on_a_terminal_only(monkeypatch):
             return True
 
     monkeypatch.delenv("NO_COLOR", raising=False)
-    assert progress.coloured("x", progress.RED, Terminal()) == "\033[31mx\033[0m"
-    assert progress.coloured("x", progress.RED, io.StringIO()) == "x"
+    assert progress.add_colour("x", progress.RED, Terminal()) == "\033[31mx\033[0m"
+    assert progress.add_colour("x", progress.RED, io.StringIO()) == "x"
     monkeypatch.setenv("NO_COLOR", "1")
-    assert progress.coloured("x", progress.RED, Terminal()) == "x"
+    assert progress.add_colour("x", progress.RED, Terminal()) == "x"
 
 
 def test_usage_errors_exit_with_2(capsys):

@@ -36,11 +36,11 @@ def folder_of(tmp_path):
 
 def test_worst_come_first_and_misses_are_drawn_by_lot(tmp_path):
     folder = folder_of(tmp_path)
-    worst, missed = gallery.worst(folder, LABELS, 3), gallery.missed(folder, LABELS, 2)
+    worst, missed = gallery.worst(folder, LABELS, 3), gallery.missed_images(folder, LABELS, 2)
     assert worst.position_error_m.is_monotonic_decreasing and len(worst) == 3
     assert worst.modality.iloc[0] == "event" and worst.in_view.all()
     assert missed.position_error_m.isna().all() and len(missed) == 2
-    assert gallery.missed(folder, LABELS, 100).label.value_counts().min() > 1
+    assert gallery.missed_images(folder, LABELS, 100).label.value_counts().min() > 1
 
     rows = pd.concat([worst, missed])
     fig = gallery.draw(rows, folder, 5.0, columns=3)
@@ -73,7 +73,7 @@ def test_false_poses_are_all_poses_where_there_is_no_port(tmp_path):
 def test_what_is_missed_in_all_is_missed_in_its_own_sequence(tmp_path):
     """So pictures drawn sequence by sequence hold those of all together."""
     folder = folder_of(tmp_path)
-    for kind in (gallery.worst, gallery.missed):
+    for kind in (gallery.worst, gallery.missed_images):
         every = kind(folder, LABELS, 2)
         own = pd.concat(kind(folder, {label: of}, 2) for label, of in LABELS.items())
         assert len(every) == 2 < len(own)

@@ -67,7 +67,7 @@ def test_times_are_bounded_for_who_counts_faults_too(tmp_path):
 
 def test_a_chunk_of_a_bag_is_as_long_as_it_says():
     with pytest.raises(ValueError, match="does not decompress to its 10 bytes"):
-        bounded_bag._decompressed(None, 10, b"x" * 11)
+        bounded_bag._decompress(None, 10, b"x" * 11)
 
 
 def test_ros_cannot_write_negative_times():

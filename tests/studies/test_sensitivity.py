@@ -57,15 +57,15 @@ def test_only_the_full_minor_axis_gives_both_numbers_with_a_ring_that_fits_the_v
 
 
 def test_refitting_the_position_leaves_less_to_see():
-    before, after = sensitivity.tilted(0.6, 0.3), sensitivity.tilted(0.6, 0.4)
+    before, after = sensitivity.tilted_pose(0.6, 0.3), sensitivity.tilted_pose(0.6, 0.4)
     held = sensitivity.displacements(before, after, NU)
-    free = sensitivity.displacements(before, sensitivity.refitted(before, after, NU), NU)
+    free = sensitivity.displacements(before, sensitivity.refit_pose(before, after, NU), NU)
     assert np.sum(free**2) < 0.8 * np.sum(held**2)
 
 
 @given(st.floats(0.4, 1.0), st.floats(0.3, 1.1), st.integers(50, 400))
 def test_the_bound_falls_with_the_root_of_the_points_and_rises_with_the_noise(distance, tilt, count):
-    T = sensitivity.tilted(distance, tilt)
+    T = sensitivity.tilted_pose(distance, tilt)
     normal, position = sensitivity.cramer_rao(T, NU, CAMERA, count, 0.05)
     more = sensitivity.cramer_rao(T, NU, CAMERA, 4 * count, 0.05)
     noisier = sensitivity.cramer_rao(T, NU, CAMERA, count, 0.1)

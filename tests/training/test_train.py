@@ -278,6 +278,6 @@ def test_what_ships_is_made_by_the_default_command():
     for card in sorted(weights.WEIGHTS.glob("*.json")):
         recipe = json.loads(card.read_text())["recipe"]
         asked = recipe["filter"], recipe["modality"], recipe["domain_gap"]
-        default = Recipe.shipped(*asked)
+        default = Recipe.of_shipped(*asked)
         made = json.loads(json.dumps(asdict(default)))
         assert {key: made[key] for key in recipe} == recipe
