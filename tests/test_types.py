@@ -9,7 +9,19 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import rigid_poses
 
-from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Status, Trajectory
+from lmmap.types import (
+    EVENT,
+    Camera,
+    Ellipse,
+    Estimate,
+    InputError,
+    Port,
+    Pose,
+    Recording,
+    Status,
+    Trajectory,
+)
+from lmmap.types.recording import CHUNK_EVENTS
 
 
 @given(rigid_poses())
@@ -165,3 +177,14 @@ def test_an_estimate_shows_itself_in_a_notebook():
 def test_help_names_every_field_of_an_estimate():
     for field in fields(Estimate):
         assert re.search(rf"^ *(\w+, )?{field.name}(, \w+)? : ", Estimate.__doc__, re.M), field.name
+
+
+def test_a_recordings_chunks_are_views_that_make_up_its_events():
+    """Also of one without events, whose one chunk is empty."""
+    for count in (0, 1, CHUNK_EVENTS, 2 * CHUNK_EVENTS + 1):
+        events = np.zeros(count, EVENT)
+        events["t_us"] = np.arange(count)
+        chunks = list(Recording("r", Camera.davis346(), events, np.zeros(0), np.zeros(0)).chunks())
+        assert len(chunks) == max(-(-count // CHUNK_EVENTS), 1)
+        assert all(np.shares_memory(chunk, events) for chunk in chunks if count)
+        np.testing.assert_array_equal(np.concatenate(chunks), events)

@@ -12,6 +12,7 @@ from .camera import Camera
 from .pose import Trajectory
 
 EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
+CHUNK_EVENTS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,9 @@ class Recording:
     truth: Trajectory | None = None
 
     def chunks(self):
-        """Yield the events in one piece, as a `streams.Stream` yields its own in many."""
-        yield self.events
+        """Yield the events in views of at most `CHUNK_EVENTS`: who joins chunks to windows copies no more."""
+        for start in range(0, max(len(self.events), 1), CHUNK_EVENTS):
+            yield self.events[start : start + CHUNK_EVENTS]
 
     def timed_frames(self):
         """Yield ``(t_us, frame)``."""
