@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from collections import defaultdict
 from contextlib import contextmanager, suppress
-from time import monotonic
+from time import monotonic, sleep
 
 import websocket
 
@@ -16,6 +16,13 @@ PROGRAM = shutil.which("chromium")
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-extensions",
          "--disable-dev-shm-usage", "--remote-debugging-port=0", "--remote-allow-origins=*")  # fmt: skip
+
+
+LEFT = ("navigated", "context", "Promise was collected")  # parts of Chromium's words for a page that left
+
+
+class PageLeft(RuntimeError):
+    """The page went to another address before it answered."""
 
 
 class Page:
@@ -36,7 +43,9 @@ class Page:
         while (answer := self._receive()).get("id") != message["id"]:
             pass
         if "error" in answer:
-            raise RuntimeError(f"{method}: {answer['error']['message']}")
+            said = answer["error"]["message"]
+            left = any(part in said for part in LEFT)
+            raise (PageLeft if left else RuntimeError)(f"{method}: {said}")
         return answer["result"]
 
     def _receive(self) -> dict:
@@ -46,7 +55,7 @@ class Page:
         return answer
 
     def open(self, address: str, seconds: float = 60) -> None:
-        """Load a page until its scripts and its mathematics are done."""
+        """Load a page, or that to which it leads at once, until its scripts and its mathematics are done."""
         self._events.clear()
         self.send("Page.navigate", url=address)
         until = monotonic() + seconds
@@ -54,23 +63,26 @@ class Page:
             if monotonic() > until:
                 raise TimeoutError(f"{address}: not loaded after {seconds:g} s")
             self._receive()
-        self.ask("window.MathJax?.startup?.promise?.then(() => document.fonts.ready).then(() => 0)")
+        ready = "window.MathJax?.startup?.promise?.then(() => document.fonts.ready)"
+        self.wait_for(f"Promise.resolve({ready}).then(() => document.readyState == 'complete')", seconds)
 
     def ask(self, expression: str):
         """Value of a JavaScript expression, awaited if it is a promise."""
-        found = self.send("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
-        if "exceptionDetails" in found:
-            raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
-        return found["result"].get("value")
+        answer = self.send("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(answer["exceptionDetails"]["exception"]["description"])
+        return answer["result"].get("value")
 
     def wait_for(self, expression: str, seconds: float = 20):
-        """The expression's value once it is true."""
+        """The expression's value once it is true, on this page or on that to which it leads."""
         until = monotonic() + seconds
-        while not (value := self.ask(expression)):
+        while True:
+            with suppress(PageLeft):
+                if value := self.ask(expression):
+                    return value
             if monotonic() > until:
                 raise TimeoutError(f"still not so after {seconds:g} s: {expression}")
-            self.ask("new Promise(done => setTimeout(done, 100))")
-        return value
+            sleep(0.1)
 
     def show_as(self, width_px: int, height_px: int = 900, theme: str = "light") -> None:
         """A window of this size, on a system with this colour scheme."""
