@@ -54,7 +54,7 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
         if answer.ellipse is not None:
             draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
             markers = estimator.find_reflectors(image, estimator.candidates(answer.ellipse))
-            show_image(row[2], markers, "reflector filter")
+            show_image(row[2], markers, "marker filter")
         draw_estimate(row[3], image, answer, estimator.port, recording.camera)
         row[3].set_title("pose")
         if answer.ellipse is not None:

@@ -21,13 +21,14 @@ def draw_front(ax, port: Port) -> None:
     ax.add_patch(Polygon(hexagon_mm, fill=False, color=PLATE))
     for k, corners_m in enumerate(port.marker_corners_m()):
         ax.add_patch(Polygon(corners_m[:, :2] * MM, color=MARKER, alpha=0.75, lw=0))
-        ax.annotate(str(k), corners_m[:, :2].mean(0) * MM, color="white", ha="center", va="center")
-    for tip, name in (((66, 0), "x"), ((0, 66), "y")):
+        off_axis_mm = corners_m[[1, 2, 2, 3], :2].mean(0) * MM
+        ax.annotate(str(k), off_axis_mm, color="white", ha="center", va="center")
+    for tip, at, name in (((66, 0), (62, 7), "x"), ((0, 66), (7, 62), "y")):
         ax.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "->", "color": COLOUR["truth"], "lw": 1.6})
-        ax.annotate(name, np.add(tip, 4), color=COLOUR["truth"], ha="center", va="center")
+        ax.annotate(name, at, color=COLOUR["truth"], ha="center", va="center")
     end_mm = port.ring_radius_m * MM * np.array([np.cos(np.deg2rad(215)), np.sin(np.deg2rad(215))])
     ax.annotate("", end_mm, (0, 0), arrowprops={"arrowstyle": "<->", "color": RING})
-    ax.annotate("ν", end_mm / 2 + [-4, 8], color=RING, ha="center")
+    ax.annotate("ν", 0.78 * end_mm + [-5, 4], color=RING, ha="center")
     ax.annotate(
         "ring", (0, -86), (0, -112), color=RING, ha="center", arrowprops={"arrowstyle": "-", "color": RING}
     )
