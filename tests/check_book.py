@@ -164,7 +164,10 @@ def test_a_page_loads_alone_quietly_and_fits(page, site, name, theme):
 
 @in_browser
 def test_a_page_that_leaves_while_it_is_asked_is_followed(page, tmp_path):
-    script = "window.MathJax = {startup: {promise: new Promise(() => 0)}}; setTimeout(() => location = 'b.html', 300)"
+    script = (
+        "window.MathJax = {startup: {promise: new Promise(() => 0)}}; "
+        "setTimeout(() => location = 'b.html', 300)"
+    )
     (tmp_path / "a.html").write_text(f"<script>{script}</script>")
     (tmp_path / "b.html").write_text("<p>here</p>")
     page.open((tmp_path / "a.html").as_uri())
