@@ -61,6 +61,8 @@ def test_simulate_info_estimate_evaluate(tmp_path, capsys):
     code, out, _ = run(capsys, "evaluate", demo)
     assert code == 0 and "paper formula normal median deg" in out
     assert "with outlier filter: position error median mm" in out
+    lines = out.splitlines()
+    assert len({len(line) for line in lines}) == 1 and re.fullmatch(r"images( +\d+){3}", lines[1])
     code, out, _ = run(capsys, "evaluate", demo, "--modality", "rgb", "--json")
     assert json.loads(out)["rgb"]["images"] == 8
 
