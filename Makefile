@@ -46,7 +46,8 @@ $(STAMP): environment.txt pyproject.toml
 	$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -r environment.txt | \
 	  awk -v total="$$total" '/^Collecting/ && ++n % 25 == 0 {print "env:   found " n " of " total; fflush()} \
 	    /^Installing/ {print "env:   installing"; fflush()}'
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+	  --config-settings editable_mode=compat -e .
 	@$(BIN)/python -m pip check --disable-pip-version-check
 	@touch $@
 	@echo "env: ready"

@@ -212,8 +212,9 @@ def warm_up() -> None:
     import lmmap.cli.drawing
     import lmmap.cli.estimation
     import lmmap.cli.evaluation
+    import lmmap.cli.info
+    import lmmap.cli.live
     import lmmap.cli.pictures
-    import lmmap.cli.recording
     import lmmap.studies.odometry_files  # noqa: F401
     from lmmap.pipeline import image_estimator
 

@@ -1,6 +1,8 @@
 """The installed package, outside the checkout, with nothing but its wheel and its dependencies."""
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 import sysconfig
@@ -78,6 +80,18 @@ def test_importing_is_immediate_and_writes_nothing(site, tmp_path):
 def test_every_public_name_exists(site, tmp_path):
     code = "import lmmap; print(all(getattr(lmmap, name) for name in lmmap.__all__))"
     assert python(site, tmp_path, code).strip() == "True"
+
+
+@pytest.mark.parametrize("place", ["Makefile", "binder/postBuild", "README.md"])
+def test_the_folder_above_a_clone_does_not_hide_the_package(tmp_path, place):
+    """A clone is a folder named lmmap, an empty package to Python unless it finds another on its path."""
+    text = (ROOT / place).read_text().replace("\\\n", " ")
+    (options,) = re.findall(r"pip install ([^`\n]*?) -e \.", text)
+    clone, target = _copy(tmp_path / "lmmap"), tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "-q", *shlex.split(options), "--target", target]
+    subprocess.run([*install, "-e", clone], check=True)
+    code = f"import site; site.addsitedir({str(target)!r}); import lmmap; print(lmmap.__file__)"
+    assert python(target, tmp_path, code).strip() == str(clone / "lmmap" / "__init__.py")
 
 
 def test_what_needs_a_checkout_says_so(site, tmp_path):

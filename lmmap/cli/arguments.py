@@ -39,8 +39,8 @@ EVALUATE = """examples:
   lmmap evaluate demo.aedat4 --as-printed                     the paper's own procedure, at N events once
 """
 INFO = """examples:
-  lmmap info run.aedat4
-  lmmap info run.bag --camera camera.yaml --json
+  lmmap info run.aedat4                                       needs no calibration
+  lmmap info run.bag --camera camera.yaml --json              says too whether the lens is in range
 """
 PICTURES = """examples:
   lmmap pictures paper.pdf -o drawn                   its pictures, each through several focal lengths
@@ -163,7 +163,7 @@ def _add_recordings(commands: Commands) -> None:
     command.add_argument("--json", action="store_true", help="print JSON")
 
     command = commands.add(
-        "info", "lmmap.cli.recording:info", "what a recording holds, and whether it is sound", INFO
+        "info", "lmmap.cli.info:info", "what a recording holds, and whether it is sound", INFO
     )
     commands.add_recording(command)
     command.add_argument("--json", action="store_true", help="print JSON")
@@ -183,7 +183,7 @@ def _add_recordings(commands: Commands) -> None:
 
     command = commands.add(
         "live",
-        "lmmap.cli.recording:live",
+        "lmmap.cli.live:live",
         "poses as images come, from a camera or from a recording that is played",
         LIVE,
     )

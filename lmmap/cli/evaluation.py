@@ -91,16 +91,15 @@ def _as_json(table: pd.DataFrame) -> dict:
 def _print_tables(tables: dict[str, pd.DataFrame]) -> None:
     reports = {m: pose_errors.report(table) for m, table in tables.items()}
     summaries = {m: pose_errors.summary(table) for m, table in tables.items()}
-    print(f"{'':40}" + "".join(f"{m:>10}" for m in reports))
-    for name in next(iter(reports.values())):
-        _print_row(name, [report[name] for report in reports.values()])
+    rows = [(name, [report[name] for report in reports.values()]) for name in next(iter(reports.values()))]
     filtered = next(iter(summaries.values())).query("variant == 'exact' and outlier_filter == 'with'")
     for k, row in filtered.iterrows():
         scale, unit = (1e3, "mm") if row.metric.endswith("_m") else (1, row.metric.rsplit("_", 1)[1])
         name = f"with outlier filter: {row.metric.rsplit('_', 1)[0]} {row.statistic} {unit}"
-        _print_row(name, [scale * summary.value[k] for summary in summaries.values()])
-
-
-def _print_row(name: str, values: list[float]) -> None:
-    cells = "".join(f"{'-':>10}" if np.isnan(v) else f"{v:10.2f}" for v in values)
-    print(f"{name.replace('_', ' '):40}{cells}")
+        rows.append((name, [scale * summary.value[k] for summary in summaries.values()]))
+    width = max(len(name) for name, _ in rows)
+    print(" " * width + "".join(f"{m:>10}" for m in reports))
+    for name, values in rows:
+        digits = 0 if name.startswith("images") else 2
+        cells = "".join(f"{'-':>10}" if np.isnan(v) else f"{v:10.{digits}f}" for v in values)
+        print(f"{name.replace('_', ' '):{width}}{cells}")

@@ -11,6 +11,7 @@ import os
 import struct
 from collections.abc import Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,6 +24,7 @@ from .limits import MAX_CHUNK_BYTES, MAX_RECORD_BYTES, check_image
 from .stream import Source, in_chunks, input_errors, no_events, no_frames
 
 MAGIC = b"#!AER-DAT4.0\r\n"
+FIRST_FRAMES = 100  # whose exposure is looked at
 CHANNELS = {0: 1, 16: 3, 24: 4}  # of a frame, by its format: gray, BGR, BGRA
 DECOMPRESSORS = {1: lz4.frame.LZ4FrameDecompressor, 2: lz4.frame.LZ4FrameDecompressor,
                  3: zstd.ZstdDecompressor, 4: zstd.ZstdDecompressor}  # fmt: skip
@@ -54,7 +56,9 @@ def read(path: Path) -> Source:
             partial(generator, path, used[kind][0]) if kind in used else nothing
             for kind, generator, nothing in (("EVTS", _events, no_events), ("FRME", _frames, no_frames))
         )
-        return Source(path, size_px, events, frames, span_us)
+        kinds = sorted({kind for kind, _ in streams.values()})
+        details = partial(_details, path, kinds, used.get("FRME", (None,))[0])
+        return Source(path, size_px, events, frames, span_us, details)
 
 
 def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]]]:
@@ -154,6 +158,17 @@ def _events_of(content: bytes) -> np.ndarray:
     if packed.view("u1")[12::16].max(initial=0) > 1:
         raise ValueError("a packet with polarities that are none")
     return packed.view(EVENT)
+
+
+def _details(path: Path, kinds: list[str], frames: int | None) -> dict:
+    """Kinds of the file's streams, and the median exposure of its first frames."""
+    if frames is None:
+        return {"streams": kinds}
+    with _file_errors(path):
+        first = islice(_contents(path, frames), FIRST_FRAMES)
+        exposures_us = [_Table(content).number(11, "<q") for content in first]
+    known = any(exposures_us)
+    return {"streams": kinds, "exposure_ms": float(np.median(exposures_us)) / 1000 if known else None}
 
 
 def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:

@@ -44,6 +44,7 @@ from .stream import Source, Stream, checked_events, checked_frames, input_errors
 
 __all__ = [
     "FORMATS",
+    "format_name",
     "health",
     "open_recording",
     "open_stream",
@@ -71,16 +72,22 @@ def open_recording(path, camera: Camera | str | Path | None = None, *, fps: floa
 
 
 def open_stream(
-    path, camera: Camera | str | Path | None = None, *, checked: bool = True, fps: float | None = None
+    path,
+    camera: Camera | str | Path | None = None,
+    *,
+    checked: bool = True,
+    calibrated: bool = True,
+    fps: float | None = None,
 ) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 
-    Faults in the data are raised when they are met, or with ``checked=False`` never.
+    Faults in the data are raised when they are met, or with ``checked=False`` never.  With
+    ``calibrated=False`` too, a recording without a calibration is no error, and its stream has no camera.
     """
     path = Path(path)
     if not path.is_dir():
         regular_file(path)
-    kind = "folder" if path.is_dir() else path.suffix.lower()
+    kind = _kind(path)
     if kind not in READERS:
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
     if fps is not None and kind != "folder":
@@ -90,19 +97,30 @@ def open_stream(
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
                 check_times(t_us)
-    camera = _camera(path, source.size_px, camera)
+    camera = _camera(path, source.size_px, camera, calibrated or checked)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
 
 
-def _camera(path: Path, size_px, camera) -> Camera:
+def format_name(path) -> str:
+    """What `FORMATS` calls the format of a file or a folder that can be read."""
+    return next(what for what, suffixes, _ in FORMATS if _kind(Path(path)) in suffixes)
+
+
+def _kind(path: Path) -> str:
+    return "folder" if path.is_dir() else path.suffix.lower()
+
+
+def _camera(path: Path, size_px, camera, needed: bool = True) -> Camera | None:
     own = path.with_suffix(".camera.json")
     if camera is None:
         camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
     if camera is None and size_px == DAVIS346_PX:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
         return Camera.davis346()
+    if camera is None and not needed:
+        return None
     if camera is None:
         size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
         if size_px and (cameras := sensors.of_size(size_px)):

@@ -6,8 +6,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from ..pipeline.histograms import scaled_count
-from ..types import Recording
+from ..types import InputError, Recording
 from .stream import Stream, inside
+
+MAX_SENSOR_PIXELS = 2**23  # where no calibration says the size; the largest event cameras have 0.9 million
 
 
 def health(recording: Recording | Stream) -> dict:
@@ -16,7 +18,7 @@ def health(recording: Recording | Stream) -> dict:
     ``hot_pixels`` fire at least 20 times and 5 times as often as any neighbour: edges excite
     neighbours, defects don't.  ``suggested_window`` is the paper's N per pixel on this sensor.
     """
-    width, height = recording.camera.size_px
+    width, height = recording.camera.size_px if recording.camera else _size_px(recording)
     count = np.zeros(height * width, np.int64)
     events = on = within = gaps = backward = largest_us = 0
     last_us = low_us = high_us = None
@@ -57,6 +59,18 @@ def health(recording: Recording | Stream) -> dict:
         "windows": events // window,
         "truth": recording.truth is not None,
     }
+
+
+def _size_px(stream: Stream) -> tuple[int, int]:
+    """Width and height as the file states them, else as far as its events lie; raises `InputError`."""
+    width, height = stream.source.size_px or (0, 0)
+    if stream.source.size_px is None:
+        for e in stream.chunks():
+            width, height = max(width, int(e["x"].max()) + 1), max(height, int(e["y"].max()) + 1)
+    if width * height > MAX_SENSOR_PIXELS:
+        path = stream.source.path
+        raise InputError(f"{path}: a sensor of {width} x {height} px; give its calibration with --camera")
+    return max(width, 1), max(height, 1)
 
 
 def _span(low, high, first, last):

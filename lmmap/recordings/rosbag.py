@@ -60,8 +60,9 @@ def read(path: Path) -> Source:
             _events(raw, connection.msgdef.data)[0] if arrays else _image(raw, connection)[1].shape[1::-1]
         )
         span_us = bag.start_time // 1000, bag.end_time // 1000
+        details = partial(dict, topics=topics_of(bag))
     return Source(
-        path, tuple(size_px), partial(_chunks, path, tuple(size_px)), partial(_frames, path), span_us
+        path, tuple(size_px), partial(_chunks, path, tuple(size_px)), partial(_frames, path), span_us, details
     )
 
 
@@ -124,6 +125,12 @@ def first_topic(bag: Reader, path: Path, wanted) -> list:
     if skipped := sorted({c.topic for c in connections} - {c.topic for c in connections[:1]}):
         warnings.warn(f"{path}: taking {connections[0].topic}, not {', '.join(skipped)}", stacklevel=4)
     return [c for c in connections if c.topic == connections[0].topic]
+
+
+def topics_of(bag: Reader) -> list[str]:
+    """Each topic with its type and its number of messages."""
+    topics = sorted(bag.topics.items())
+    return [f"{name} ({topic.msgtype or 'several types'}, {topic.msgcount})" for name, topic in topics]
 
 
 @lru_cache

@@ -65,7 +65,8 @@ def read(path: Path) -> Source:
         else:
             size_px = rosbag.rgb(bag.deserialize(raw, connection.msgtype)).shape[1::-1]
         span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
-    return Source(path, size_px, partial(_chunks, path, size_px), partial(_frames, path), span_us)
+        details = partial(dict, topics=rosbag.topics_of(bag))
+    return Source(path, size_px, partial(_chunks, path, size_px), partial(_frames, path), span_us, details)
 
 
 def _is_events(kind: str) -> bool:

@@ -33,21 +33,26 @@ def no_frames() -> Iterator[tuple[int, np.ndarray]]:
 class Source:
     """What a reader found: ``events()`` yields chunks (M,) EVENT in the file's order, ``frames()`` yields
     ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
-    None where the file does not say.  Both iterators raise `InputError` for what cannot be read."""
+    None where the file does not say.  Both iterators raise `InputError` for what cannot be read.
+    ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``."""
 
     path: Path
     size_px: tuple[int, int] | None = None
     events: Callable[[], Iterator[np.ndarray]] = no_events
     frames: Callable[[], Iterator[tuple[int, np.ndarray]]] = no_frames
     span_us: tuple[int, int] | None = None
+    details: Callable[[], dict] = dict
 
 
 @dataclass(frozen=True)
 class Stream:
-    """One camera's recording, read as it is used; what `Recording` holds, this yields."""
+    """One camera's recording, read as it is used; what `Recording` holds, this yields.
+
+    ``camera`` is None where there is no calibration and none was asked for: such a stream is unchecked.
+    """
 
     name: str
-    camera: Camera
+    camera: Camera | None
     source: Source
     truth: Trajectory | None = None
     checked: bool = True  # False: values as they are, to count their faults

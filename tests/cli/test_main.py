@@ -5,6 +5,7 @@ import csv
 import importlib
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -61,6 +62,8 @@ def test_simulate_info_estimate_evaluate(tmp_path, capsys):
     code, out, _ = run(capsys, "evaluate", demo)
     assert code == 0 and "paper formula normal median deg" in out
     assert "with outlier filter: position error median mm" in out
+    lines = out.splitlines()
+    assert len({len(line) for line in lines}) == 1 and re.fullmatch(r"images( +\d+){3}", lines[1])
     code, out, _ = run(capsys, "evaluate", demo, "--modality", "rgb", "--json")
     assert json.loads(out)["rgb"]["images"] == 8
 
@@ -360,6 +363,21 @@ def test_help_does_not_wait_for_the_heavy_imports():
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT).stdout
     assert "--modality" in out and "lmmap" in out.split()
     assert not {"torch", "numba", "pandas", "scipy", "cv2", "numpy"} & set(out.split("JSON\n")[-1].split())
+
+
+def test_threads_that_wait_leave_the_cores_to_others():
+    """Set before torch is imported, which reads it then; a user's own word counts."""
+    code = (
+        "import os, sys; from lmmap.cli import main\n"
+        "main.main(['completion', 'bash'])\n"
+        "print(); print(os.environ['OMP_WAIT_POLICY'], 'torch' in sys.modules)"
+    )
+    for own, expected in (({}, "PASSIVE False"), ({"OMP_WAIT_POLICY": "ACTIVE"}, "ACTIVE False")):
+        environment = {k: v for k, v in os.environ.items() if k != "OMP_WAIT_POLICY"} | own
+        out = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment
+        ).stdout
+        assert out.splitlines()[-1] == expected
 
 
 def test_choices_are_those_of_the_modules_that_own_them():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lmmap.recordings import tables
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
 
@@ -102,6 +103,15 @@ def test_bad_tables_are_one_line(tmp_path, text, problem):
     (tmp_path / "e.csv").write_text(text)
     with pytest.raises(InputError, match=rf"e\.csv: [^\n]*(?:{problem})[^\n]*;[^\n]*$"):
         open_recording(tmp_path / "e.csv", CAMERA)
+
+
+def test_what_was_read_before_a_bad_line_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "CHUNK", 10)
+    (tmp_path / "e.csv").write_text("t,x,y,p\n" + "".join(f"{t},2,3,1\n" for t in range(25)) + "25,a,3,1\n")
+    chunks = open_stream(tmp_path / "e.csv", CAMERA).chunks()
+    assert np.concatenate([next(chunks), next(chunks)])["t_us"].tolist() == list(range(20))
+    with pytest.raises(InputError, match=r"e\.csv: [^\n]*does not hold 4 numbers"):
+        next(chunks)
 
 
 def test_arrays_that_are_no_events(tmp_path):

@@ -1,4 +1,4 @@
-"""``lmmap info`` and ``lmmap live``: what a recording holds, and poses as images come."""
+"""``lmmap live``: poses as images come."""
 
 from __future__ import annotations
 
@@ -12,29 +12,12 @@ import numpy as np
 
 from ..files import check_output
 from ..recordings import live as devices
-from ..recordings.formats import health
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Pose, Status
 from .inputs import check_between, input_files, make_estimator, no_images, open_input
 from .progress import GREEN, RED, add_colour, summary
-
-FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
-
-
-def info(a) -> None:
-    """What is in a recording, and its health; faults are counted here and errors elsewhere."""
-    facts = health(open_input(a, checked=False))
-    if not facts["events"] and not facts["frames"]:
-        raise InputError(f"{a.recording}: holds neither events nor frames; record again")
-    if a.json:
-        print(json.dumps(facts, indent=1))
-        return
-    for name, value in facts.items():
-        text = f"{value:.6g}" if isinstance(value, float) else str(value)
-        text = add_colour(text, RED) if name in FAULTS and value else text
-        print(f"{name.replace('_', ' '):18} {text}")
 
 
 def live(a) -> None:
