@@ -25,7 +25,7 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
         edge = sign * camera.width_px / 2 / camera.fx_px
         ax.plot([0, 1.25 * distance_m * edge], [0, 1.25 * distance_m], ":", color=COLOUR["ink"], lw=0.8)
     ax.plot(0, 0, "s", color=COLOUR["ink"], ms=8)
-    ax.annotate("camera", (0, 0), (0.1, -0.16))
+    ax.annotate("camera", (0, 0), (-0.08, -0.17), ha="right")
     ax.annotate("panel with the port", (0, distance_m), (-0.35, distance_m + 0.1))
     ax.annotate(
         "field of view", (0.2, 0.38), (0.4, 0.3), arrowprops={"arrowstyle": "-", "color": COLOUR["ink"]}
@@ -37,11 +37,8 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
         if name != "lamp beside the camera":
             tip = np.array([x, z]) + 0.35 * towards / np.linalg.norm(towards) * np.sqrt(np.hypot(*towards))
             ax.annotate("", tip, (x, z), arrowprops={"arrowstyle": "->", "color": COLOUR[colour], "lw": 1.6})
-        ax.annotate(
-            name,
-            (x, z),
-            (x - 0.05, z - 0.17) if x else (x, z),
-            ha="left" if x < -1 else "right" if x < 0.5 else "center",
-        )
+        beside = name == "lamp beside the camera"
+        at = (x, z - 0.3) if beside else (x - 0.05, z - 0.17)
+        ax.annotate(name, (x, z), at, ha="center" if x > 0.5 else "left")
     ax.set(aspect="equal", xlim=(-2.5, 1.5), ylim=(-1.15, 0.85), xlabel="x (m)", ylabel="z, depth (m)",
            title="the laboratory from above")  # fmt: skip

@@ -45,6 +45,7 @@ def _draw(ax, outlines: dict, outer: Ellipse) -> None:
         draw_ellipse(ax, Ellipse(ring.centre_px, widen * ring.semi_axes_px, ring.angle_rad), COLOUR["event"])
     (u, v), half = outer.centre_px, AROUND * outer.semi_axes_px[0]
     ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half), xticks=[], yticks=[], aspect="equal")
+    ax.spines[:].set_visible(False)
     ax.set_label("outlines of the mask, the ring by hand and the ellipse")
 
 
