@@ -100,6 +100,6 @@ def _print_tables(tables: dict[str, pd.DataFrame]) -> None:
     width = max(len(name) for name, _ in rows)
     print(" " * width + "".join(f"{m:>10}" for m in reports))
     for name, values in rows:
-        digits = 0 if name.startswith("images") else 2
+        digits = 0 if isinstance(values[0], int) else 2
         cells = "".join(f"{'-':>10}" if np.isnan(v) else f"{v:10.{digits}f}" for v in values)
         print(f"{name.replace('_', ' '):{width}}{cells}")

@@ -26,7 +26,7 @@ def info(a) -> None:
 
     It needs no calibration: without one, only the lens is unknown.
     """
-    stream = open_input(a, checked=False, calibrated=False)
+    stream = open_input(a, checked=False)
     facts = {"format": format_name(a.recording), "sensor": None} | stream.source.details() | health(stream)
     if not facts["events"] and not facts["frames"]:
         raise InputError(f"{a.recording}: holds neither events nor frames; record again")

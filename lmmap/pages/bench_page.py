@@ -34,10 +34,10 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
         x, _, z = place_m
         ax.plot(x, z, "o", color=COLOUR[colour], ms=9 if name == "sun" else 7)
         towards = np.array([0, distance_m]) - [x, z]
-        if name != "lamp beside the camera":
+        beside = name == "lamp beside the camera"
+        if not beside:
             tip = np.array([x, z]) + 0.35 * towards / np.linalg.norm(towards) * np.sqrt(np.hypot(*towards))
             ax.annotate("", tip, (x, z), arrowprops={"arrowstyle": "->", "color": COLOUR[colour], "lw": 1.6})
-        beside = name == "lamp beside the camera"
         at = (x, z - 0.3) if beside else (x - 0.05, z - 0.17)
         ax.annotate(name, (x, z), at, ha="center" if x > 0.5 else "left")
     ax.set(aspect="equal", xlim=(-2.5, 1.5), ylim=(-1.15, 0.85), xlabel="x (m)", ylabel="z, depth (m)",

@@ -44,7 +44,7 @@ class HighTime:
 class Evt2:
     """EVT2: words of 32 bit, an event each."""
 
-    word = np.dtype("<u4")
+    encoding, word = "EVT2", np.dtype("<u4")
 
     def __init__(self):
         self.high = HighTime(28)
@@ -68,7 +68,7 @@ class Evt21:
     ``legacy``: each word's high half comes first, as the IMX636 sends it.
     """
 
-    word = np.dtype("<u8")
+    encoding, word = "EVT2.1", np.dtype("<u8")
 
     def __init__(self, legacy: bool = False):
         self.high, self.legacy = HighTime(28), legacy
@@ -118,7 +118,7 @@ LIBCAER_CMP = Codes16(2, 3, 4, 6, 5, 1, 0, False)
 class Evt3:
     """EVT3, and libcaer_cmp that is built alike: words of 16 bit, of which many make an event."""
 
-    word = np.dtype("<u2")
+    encoding, word = "EVT3", np.dtype("<u2")
 
     def __init__(self, codes: Codes16 = EVT3):
         self.codes, self.high = codes, HighTime(12)

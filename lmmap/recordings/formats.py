@@ -76,13 +76,12 @@ def open_stream(
     camera: Camera | str | Path | None = None,
     *,
     checked: bool = True,
-    calibrated: bool = True,
     fps: float | None = None,
 ) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 
-    Faults in the data are raised when they are met, or with ``checked=False`` never.  With
-    ``calibrated=False`` too, a recording without a calibration is no error, and its stream has no camera.
+    Faults in the data are raised when they are met.  With ``checked=False`` they never are, and a recording
+    without a calibration is no error: its stream has no camera.
     """
     path = Path(path)
     if not path.is_dir():
@@ -97,7 +96,7 @@ def open_stream(
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
                 check_times(t_us)
-    camera = _camera(path, source.size_px, camera, calibrated or checked)
+    camera = _camera(path, source.size_px, camera, needed=checked)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
@@ -112,7 +111,7 @@ def _kind(path: Path) -> str:
     return "folder" if path.is_dir() else path.suffix.lower()
 
 
-def _camera(path: Path, size_px, camera, needed: bool = True) -> Camera | None:
+def _camera(path: Path, size_px, camera, needed: bool) -> Camera | None:
     own = path.with_suffix(".camera.json")
     if camera is None:
         camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None

@@ -19,7 +19,6 @@ from .stream import CHUNK, Source, in_chunks, input_errors, pieces
 PIECE = 1 << 18  # bytes decoded at once
 MAX_HEADER = 1 << 16  # bytes; real headers have a few hundred
 DECODERS = {"EVT2": Evt2, "EVT21": Evt21, "EVT3": Evt3}
-ENCODINGS = {Evt2: "EVT2", Evt21: "EVT2.1", Evt3: "EVT3"}
 HDF5_EVENTS = "CD/events"
 DAT_TYPES = (0x00, 0x0C)  # generic events, contrast detection
 
@@ -31,7 +30,7 @@ def read_raw(path: Path) -> Source:
     """
     with _file_errors(path):
         fields, start = _header(path)
-        encoding = ENCODINGS[type(_decoder(fields))]
+        encoding = _decoder(fields).encoding
     events, details = partial(_raw, path, fields, start), partial(dict, encoding=encoding)
     return Source(path, _size_px(fields), events, details=details)
 

@@ -14,13 +14,13 @@ MOVING = re.compile(r"\b(Slider|RingLab|Player)\(")  # outputs in HTML, with lab
 
 def figures():
     """Name, options and code of each figure that a cell draws."""
-    found = []
+    drawn = []
     for page in PAGES:
         for options, code in CELL.findall(page.read_text()):
             shown = yaml.safe_load(options).get("mystnb") or {}
             if "figure" in shown and not MOVING.search(code):
-                found.append((shown["figure"]["name"], shown))
-    return found
+                drawn.append((shown["figure"]["name"], shown))
+    return drawn
 
 
 @pytest.mark.parametrize(("name", "shown"), [pytest.param(*f, id=f[0]) for f in figures()])

@@ -15,9 +15,9 @@ def on_dark_page(colour) -> np.ndarray:
     return np.clip(HALF_TURN @ (1 - np.array(to_rgb(colour))), 0, 1)
 
 
-def contrast(one, other) -> float:
+def contrast(ink, paper) -> float:
     light = []
-    for colour in (one, other):
+    for colour in (ink, paper):
         c = np.array(to_rgb(colour))
         linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
         light.append(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
