@@ -26,7 +26,8 @@ def at_time(t_us) -> Pose:
 
 
 def seen(t_us, T=None) -> dict:
-    return {"event": Estimate(t_us, Status.OK, T or at_time(t_us - LATE_US), covariance=GOOD)}
+    T = T or at_time(t_us - LATE_US)
+    return {"event": Estimate(t_us, Status.OK, T, covariance=GOOD, confidence=0.95)}
 
 
 def started(last_us=200_000) -> Between:

@@ -12,7 +12,7 @@ from strategies import PORT, pose, seeds
 
 from lmmap.geometry.rotations import rotation_between_rad, rotation_z
 from lmmap.settings import OURS, MotionSettings
-from lmmap.tracking import fusion
+from lmmap.tracking import gate
 from lmmap.tracking.fusion import Fusion, fuse
 from lmmap.types import Estimate, Pose, Status
 
@@ -29,8 +29,8 @@ def moved(T, step) -> Pose:
     return Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T.rotation, T.position_m + step[:3])
 
 
-def seen(t_us, T=T0, S=LOOSE, **more) -> Estimate:
-    return Estimate(t_us, Status.OK, T, covariance=S, **more)
+def seen(t_us, T=T0, S=LOOSE, confidence=0.95, **more) -> Estimate:
+    return Estimate(t_us, Status.OK, T, covariance=S, confidence=confidence, **more)
 
 
 def drawn(rng, scale=1.0):
@@ -87,7 +87,7 @@ def test_thirds_of_a_turn_make_no_difference(seed, turns):
         replace(e, T_cam_port=Pose(e.T_cam_port.rotation @ rotation_z(k * PERIOD), e.T_cam_port.position_m))
         for e, k in zip(plain, turns, strict=True)
     ]
-    pairs = zip(*(fuse([("rgb", e) for e in some], PERIOD) for some in (plain, turned)), strict=True)
+    pairs = zip(*(fuse([("rgb", e) for e in track], PERIOD) for track in (plain, turned)), strict=True)
     for a, b in pairs:
         assert rotation_between_rad(a.T_cam_port.rotation, b.T_cam_port.rotation, PERIOD) < 1e-9
         np.testing.assert_allclose(a.T_cam_port.position_m, b.T_cam_port.position_m, atol=1e-12)
@@ -99,11 +99,11 @@ def test_thirds_of_a_turn_make_no_difference(seed, turns):
 def test_the_order_of_estimates_of_one_time_does_not_matter(seed):
     rng = np.random.default_rng(seed)
     both = [{c: noisy(rng, T0, drawn(rng), 100_000 * k) for c in ("rgb", "event", "third")} for k in range(5)]
-    one, other = Fusion(PERIOD, PATIENT), Fusion(PERIOD, PATIENT)
-    for some in both:
-        one.add(some)
-        other.add(dict(reversed(some.items())))
-        a, b = (f.at(500_000) for f in (one, other))
+    forward, backward = Fusion(PERIOD, PATIENT), Fusion(PERIOD, PATIENT)
+    for estimates in both:
+        forward.add(estimates)
+        backward.add(dict(reversed(estimates.items())))
+        a, b = (f.at(500_000) for f in (forward, backward))
         np.testing.assert_allclose(a.T_cam_port.position_m, b.T_cam_port.position_m, atol=1e-12)
         np.testing.assert_allclose(a.T_cam_port.rotation, b.T_cam_port.rotation, atol=1e-12)
         np.testing.assert_allclose(a.covariance, b.covariance, atol=1e-12)
@@ -113,7 +113,7 @@ def test_a_silent_camera_leaves_the_other_alone():
     rng = np.random.default_rng(3)
     alone = [("rgb", noisy(rng, T0, LOOSE, 100_000 * k)) for k in range(8)]
     silent = [("event", Estimate(100_000 * k + 50_000, Status.NO_RING)) for k in range(8)]
-    merged = sorted(alone + silent, key=lambda one: one[1].t_us)
+    merged = sorted(alone + silent, key=lambda pair: pair[1].t_us)
     with_silent = [e for e in fuse(merged, PERIOD) if e.t_us % 100_000 == 0]
     for a, b in zip(fuse(alone, PERIOD), with_silent, strict=True):
         np.testing.assert_allclose(a.T_cam_port.rotation, b.T_cam_port.rotation, atol=1e-9)
@@ -148,16 +148,18 @@ def test_a_grossly_wrong_estimate_is_not_taken():
     assert "event" not in filter_.seen_us
 
 
+def ring_only(t_us):
+    return Estimate(t_us, Status.NO_MARKERS, ring=T0, covariance=LOOSE)
+
+
 def test_what_fits_is_what_would_be_taken():
     filter_ = Fusion(PERIOD)
     assert not filter_.fits(seen(0))
     filter_.add({"rgb": seen(0)})
     far = moved(T0, np.array([0.1, 0, 0, 0, 0, 0]))
     unsure = Estimate(1000, Status.UNSURE, doubtful=T0, covariance=LOOSE)
-    assert (
-        filter_.fits(seen(1000)) and filter_.fits(ring_only(1000)) and filter_.fits(seen(1000, far, rival=T0))
-    )
-    assert not (filter_.fits(seen(1000, far)) or filter_.fits(unsure) or filter_.fits(seen(10**7)))
+    assert filter_.fits(seen(1000)) and filter_.fits(seen(1000, far, rival=T0))
+    assert not any(map(filter_.fits, (seen(1000, far), unsure, ring_only(1000), seen(10**7))))
 
 
 def test_the_rival_stands_in_where_it_fits():
@@ -174,7 +176,7 @@ def test_the_rival_stands_in_where_it_fits():
 def test_a_rivals_covariance_is_turned_with_its_normal():
     rng = np.random.default_rng(1)
     S, other = drawn(rng), pose((200, 110), 0.6, 0.4, 2.1)
-    turned = fusion._rotate_covariance(S, T0.normal, other.normal)
+    turned = gate.rotate_covariance(S, T0.normal, other.normal)
     np.testing.assert_allclose(np.linalg.eigvalsh(turned[3:, 3:]), np.linalg.eigvalsh(S[3:, 3:]))
     about = [T.normal @ C[3:, 3:] @ T.normal for T, C in ((T0, S), (other, turned))]
     assert about[0] == pytest.approx(about[1])
@@ -242,65 +244,10 @@ def test_misuse_is_named():
     with pytest.raises(ValueError, match="estimates: expected one time"):
         filter_.add({"rgb": seen(0), "event": seen(1)})
     with pytest.raises(ValueError, match="estimates: expected covariances, got none from rgb"):
-        filter_.add({"rgb": Estimate(0, Status.OK, T0)})
+        filter_.add({"rgb": seen(0, S=None)})
     filter_.add({"rgb": seen(10)})
     with pytest.raises(ValueError, match="t_us: expected 10 or later"):
         filter_.at(5)
-
-
-def ring_only(t_us, T=T0, S=LOOSE, twin=None):
-    turned = Pose(T.rotation @ rotation_z(1.0), T.position_m)  # its yaw means nothing
-    return Estimate(t_us, Status.NO_MARKERS, ring=turned, twin=twin, covariance=S)
-
-
-def test_a_ring_corrects_all_but_the_yaw():
-    n, S = T0.normal, np.diag([2e-3] * 3 + [0.02] * 3) ** 2
-    tilted = moved(T0, np.array([1e-3, 0, 2e-3, *(0.01 * np.cross(n, [0, 0, 1.0]))]))
-    filter_ = Fusion(PERIOD, STILL)
-    filter_.add({"rgb": seen(0, S=S)})
-    filter_.add({"event": ring_only(1000, tilted, S)})
-    answer = filter_.at(1000)
-    step = step_between(T0, answer.T_cam_port)
-    assert n @ answer.covariance[3:, 3:] @ n == pytest.approx(0.02**2, rel=1e-3)
-    assert step[3:] @ n == pytest.approx(0, abs=1e-4)
-    np.testing.assert_allclose(step[:3], [0.5e-3, 0, 1e-3], atol=1e-5)
-    assert np.arccos(answer.T_cam_port.normal @ tilted.normal) < 0.7 * np.arccos(n @ tilted.normal)
-
-
-def test_of_a_rings_two_poses_the_nearer_counts_and_none_begins_a_track():
-    far = moved(T0, np.array([0, 0, 0, np.deg2rad(30), 0, 0]))
-    filter_ = Fusion(PERIOD)
-    filter_.add({"event": ring_only(0)})
-    assert filter_.at(0).status == Status.NO_MARKERS
-    filter_.add({"rgb": seen(100_000)})
-    filter_.add({"event": ring_only(200_000, far, twin=T0)})
-    assert filter_.seen_us["event"] == 200_000
-    assert np.rad2deg(np.arccos(min(1, filter_.at(200_000).T_cam_port.normal @ T0.normal))) < 0.1
-
-
-def test_rings_alone_keep_the_track_until_the_yaw_is_a_guess():
-    filter_, answers = Fusion(PERIOD), []
-    filter_.add({"rgb": seen(0)})
-    for k in range(1, 100):
-        filter_.add({"event": ring_only(100_000 * k)})
-        answers.append(filter_.at(100_000 * k))
-    statuses = [e.status for e in answers]
-    assert statuses[:10] == [Status.OK] * 10 and statuses[-1] == Status.NO_MARKERS
-    assert statuses == sorted(statuses, key=[Status.OK, Status.NO_MARKERS].index)
-    filter_.add({"rgb": seen(10_000_000)})
-    assert filter_.at(10_000_000).status == Status.OK
-
-
-def test_a_pose_whose_yaw_is_a_guess_is_an_answer_and_rings_do_not_go_on_with_it():
-    n, unknown_rad = T0.normal, PERIOD / np.sqrt(12)
-    guessed = LOOSE + np.pad((unknown_rad**2 - n @ LOOSE[3:, 3:] @ n) * np.outer(n, n), ((3, 0), (3, 0)))
-    filter_ = Fusion(PERIOD)
-    filter_.add({"event": seen(0, S=guessed)})
-    assert filter_.at(0).status == filter_.at(60_000).status == Status.OK
-    filter_.add({"event": ring_only(100_000)})
-    assert filter_.at(100_000).status == Status.NO_MARKERS
-    filter_.add({"event": seen(200_000)})
-    assert filter_.at(200_000).status == Status.OK
 
 
 @pytest.mark.parametrize("period", [0.0, 1e-9, -1.0, 7.0, np.nan, np.inf, None, "1", [1.0], True])
@@ -325,12 +272,69 @@ def test_times_that_are_none(t_us):
     "covariance", [None, np.full((6, 6), np.nan), np.eye(5), -np.eye(6), np.zeros((6, 6)), "text", [1.0] * 6]
 )
 def test_covariances_that_are_none(covariance):
-    bad = Estimate(0, Status.OK, T0, covariance=covariance)
+    bad = seen(0, S=covariance)
     with pytest.raises(ValueError, match=r"estimates: expected .*, got "):
         list(fuse([("rgb", bad)], PERIOD))
 
 
 def test_a_gap_of_hours_ends_in_a_few_ticks():
-    estimates = [Estimate(t_us, Status.OK, T0, covariance=LOOSE) for t_us in (0, 10_000, 7_200_000_000)]
+    estimates = [seen(t_us) for t_us in (0, 10_000, 7_200_000_000)]
     fused = list(fuse([("rgb", e) for e in estimates], PERIOD, 10.0))
     assert 100 <= len(fused) <= 105 and fused[-1].t_us == 7_200_000_000
+
+
+@pytest.mark.parametrize("confidence", [0.0, -0.1, 1.1, np.nan])
+def test_confidences_that_are_none(confidence):
+    with pytest.raises(ValueError, match=r"estimates: expected confidences in \(0, 1\], got .* from rgb"):
+        list(fuse([("rgb", seen(0, confidence=confidence))], PERIOD))
+
+
+ELSEWHERE = moved(T0, np.array([0.1, 0, 0, 0, 0, 0]))
+
+
+def test_a_contradiction_by_hand():
+    """Odds of 9 against 4 leave 9 of 14; 9 : 5 against 4 leave 9 of 34 to the track and 20 to the pose."""
+    filter_ = Fusion(PERIOD, PATIENT)
+    filter_.add({"rgb": seen(0, confidence=0.9)})
+    assert filter_.belief == 0.9
+    filter_.add({"event": seen(100_000, ELSEWHERE, confidence=0.8)})
+    assert filter_.belief == pytest.approx(9 / 14)
+    np.testing.assert_allclose(filter_.at(100_000).T_cam_port.position_m, T0.position_m, atol=1e-9)
+    filter_.add({"event": seen(200_000, ELSEWHERE, confidence=0.8)})
+    assert filter_.belief == pytest.approx(20 / 34)
+    np.testing.assert_allclose(filter_.at(200_000).T_cam_port.position_m, ELSEWHERE.position_m)
+
+
+@given(st.floats(0.01, 1), st.floats(0.01, 1))
+def test_agreement_leaves_the_surer_and_contradiction_doubts_both(first, second):
+    agreeing, contradicting = Fusion(PERIOD, PATIENT), Fusion(PERIOD, PATIENT)
+    for filter_, T in ((agreeing, T0), (contradicting, ELSEWHERE)):
+        filter_.add({"rgb": seen(0, confidence=first)})
+        filter_.add({"event": seen(100_000, T, confidence=second)})
+    assert agreeing.belief == max(first, second)
+    assert contradicting.belief <= max(first, second) + 1e-9
+    surer = T0 if first >= second else ELSEWHERE
+    np.testing.assert_allclose(contradicting.state.T_cam_port.position_m, surer.position_m, atol=1e-9)
+
+
+def test_after_a_contradiction_the_fused_pose_is_unsure_until_one_of_two_proves_right():
+    rgb = [("rgb", seen(100_000 * k, confidence=0.9)) for k in (0, 1, 3)]
+    wrong = [("event", seen(200_000, ELSEWHERE, confidence=0.9))]
+    statuses = [e.status for e in fuse(sorted(rgb + wrong, key=lambda pair: pair[1].t_us), PERIOD)]
+    assert statuses == [Status.OK, Status.OK, Status.UNSURE, Status.OK]
+
+
+def test_a_ring_without_markers_counts_for_nothing():
+    """No marker confirms it, and where networks find none it is wrong in most images."""
+    alone = list(fuse([("rgb", seen(0))], PERIOD, 10.0))
+    rings = [("event", ring_only(t_us)) for t_us in (100_000, 200_000, 300_000)]
+    fused = list(fuse([("rgb", seen(0)), *rings], PERIOD, 10.0))
+    assert (alone[0].status, fused[0].status) == (Status.OK, Status.OK)
+    assert fused[-1].status == Status.NO_MARKERS
+
+
+def test_what_is_not_known_well_is_no_answer():
+    """A position known to 20 mm along each axis is within 20 mm in a fifth of all cases."""
+    (e,) = fuse([("rgb", seen(0, S=np.diag([0.02] * 3 + [0.001] * 3) ** 2))], PERIOD)
+    assert (e.status, e.T_cam_port) == (Status.UNSURE, None)
+    assert e.doubtful is not None and e.confidence == pytest.approx(0.95 * chi2.cdf(1, 3), abs=1e-3)
