@@ -25,12 +25,12 @@ from lmmap.provenance import DATA, save_table
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.studies.metrics import normal_error_rad, position_error_m
+from lmmap.studies.reliability import calibration_error, error_by_chance, reliability
 
 RIDGE = 1.0  # of standardised slopes
 LIMITS = np.arange(0.5, 0.96, 0.01).round(2)
 WRONG_PERCENT = 1.5
 FOLDS = 8  # of the tuning sequences
-BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])
 
 
 class Witness(wrong_poses.OnMasks):
@@ -77,19 +77,6 @@ def logistic_fit(evidence, outcome, ridge: float = RIDGE, steps: int = 50) -> np
     return np.concatenate([[b[0] - np.sum(b[1:] * mean / scale)], b[1:] / scale])
 
 
-def reliability(confidence, outcome) -> pd.DataFrame:
-    """By bin of the confidence: poses, their mean confidence, and the share of them that is right."""
-    index = np.clip(np.digitize(confidence, BINS) - 1, 0, len(BINS) - 2)
-    table = pd.DataFrame({"bin": BINS[index], "confidence": confidence, "right": outcome})
-    groups = table.groupby("bin")
-    return groups[["confidence", "right"]].mean().assign(poses=groups.size()).reset_index()
-
-
-def calibration_error(table: pd.DataFrame) -> float:
-    """Expected calibration error: mean over poses of how far a bin's share lies from its confidence."""
-    return float(np.average(np.abs(table.confidence - table.right), weights=table.poses))
-
-
 def lowest_limit(confidence, outcome) -> float:
     """The lowest of `LIMITS` at which at most `WRONG_PERCENT` of the reported poses are wrong."""
     for limit in LIMITS:
@@ -134,10 +121,11 @@ def main() -> None:
     for name in wrong_poses.SETS:
         at = (every.set == name).to_numpy()
         table = reliability(confidence[at], outcome[at])
-        tables.append(table.assign(set=name, calibration_error=calibration_error(table)))
+        error, (mean, most) = calibration_error(table), error_by_chance(table)
+        tables.append(table.assign(set=name, calibration_error=error, by_chance=mean, by_chance_95=most))
         reported = {limit: outcome[at & (confidence >= limit)] for limit in (0.0, *LIMITS[::5].tolist())}
         counts = {limit: (int(good.sum()), int((~good).sum())) for limit, good in reported.items()}
-        print(name, "error", round(tables[-1].calibration_error[0], 4), "limit: (right, wrong)", counts)
+        print(name, f"error {error:.4f}, by chance {mean:.4f}, limit: (right, wrong)", counts)
     save_table(DATA / "results" / "confidence.csv", pd.concat(tables, ignore_index=True),
                sequences=wrong_poses.SEQUENCES)  # fmt: skip
 
