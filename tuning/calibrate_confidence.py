@@ -8,8 +8,9 @@ confidence, of events at both looks, on the tuning sequences of `wrong_poses`: b
 together, for on the bench alone few poses are wrong.  The results are ``confidence_ring``,
 ``confidence_yaw`` and ``min_confidence`` of the settings.  The last is the lowest of `LIMITS` at which at
 most `WRONG_PERCENT` of the reported poses are wrong, each by a fit to other sequences than its own.
-data/results/confidence.csv holds the reliability of the confidence in bins, and its expected calibration
-error, in each set of sequences; of tuning sequences by the same fits to other ones.
+data/results/confidence.csv holds the reliability of the confidence in bins, its expected calibration error,
+and what that of a perfect confidence would be: of tuning sequences by the same fits to other ones, of all
+other sets by the settings as they stand.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from lmmap.provenance import DATA, save_table
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.studies.metrics import normal_error_rad, position_error_m
+from lmmap.studies.reliability import calibration_error, error_by_chance, reliability
 
 RIDGE = 1.0  # of standardised slopes
 LIMITS = np.arange(0.5, 0.96, 0.01).round(2)
 WRONG_PERCENT = 1.5
 FOLDS = 8  # of the tuning sequences
-BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])
 
 
 class Witness(wrong_poses.OnMasks):
@@ -77,19 +78,6 @@ def logistic_fit(evidence, outcome, ridge: float = RIDGE, steps: int = 50) -> np
     return np.concatenate([[b[0] - np.sum(b[1:] * mean / scale)], b[1:] / scale])
 
 
-def reliability(confidence, outcome) -> pd.DataFrame:
-    """By bin of the confidence: poses, their mean confidence, and the share of them that is right."""
-    index = np.clip(np.digitize(confidence, BINS) - 1, 0, len(BINS) - 2)
-    table = pd.DataFrame({"bin": BINS[index], "confidence": confidence, "right": outcome})
-    groups = table.groupby("bin")
-    return groups[["confidence", "right"]].mean().assign(poses=groups.size()).reset_index()
-
-
-def calibration_error(table: pd.DataFrame) -> float:
-    """Expected calibration error: mean over poses of how far a bin's share lies from its confidence."""
-    return float(np.average(np.abs(table.confidence - table.right), weights=table.poses))
-
-
 def lowest_limit(confidence, outcome) -> float:
     """The lowest of `LIMITS` at which at most `WRONG_PERCENT` of the reported poses are wrong."""
     for limit in LIMITS:
@@ -126,7 +114,7 @@ def main() -> None:
     circle_right, sequence = every.circle_right.to_numpy(bool), every.sequence.to_numpy(str)
     tuning = every.set.str.endswith("tuning").to_numpy()
     settings = fit(evidence[tuning], circle_right[tuning], outcome[tuning])
-    confidence = verify.confidence(evidence, settings)
+    confidence = verify.confidence(evidence, OURS)  # the other sets judge what ships
     confidence[tuning] = cross_validated(*(a[tuning] for a in (sequence, evidence, circle_right, outcome)))
     print("confidence_ring", settings.confidence_ring, "confidence_yaw", settings.confidence_yaw)
     print("min_confidence", lowest_limit(confidence[tuning], outcome[tuning]))
@@ -134,10 +122,11 @@ def main() -> None:
     for name in wrong_poses.SETS:
         at = (every.set == name).to_numpy()
         table = reliability(confidence[at], outcome[at])
-        tables.append(table.assign(set=name, calibration_error=calibration_error(table)))
+        error, (mean, most) = calibration_error(table), error_by_chance(table)
+        tables.append(table.assign(set=name, calibration_error=error, by_chance=mean, by_chance_95=most))
         reported = {limit: outcome[at & (confidence >= limit)] for limit in (0.0, *LIMITS[::5].tolist())}
         counts = {limit: (int(good.sum()), int((~good).sum())) for limit, good in reported.items()}
-        print(name, "error", round(tables[-1].calibration_error[0], 4), "limit: (right, wrong)", counts)
+        print(name, f"error {error:.4f}, by chance {mean:.4f}, limit: (right, wrong)", counts)
     save_table(DATA / "results" / "confidence.csv", pd.concat(tables, ignore_index=True),
                sequences=wrong_poses.SEQUENCES)  # fmt: skip
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 
 from ..pipeline.estimator import Estimator
@@ -14,8 +15,10 @@ from ..pipeline.image_estimator import settings_for
 from ..pipeline.run import estimate_image, timed_images
 from ..recordings.formats import open_recording, read_estimates
 from ..studies.pose_errors import METRICS, errors
+from ..studies.reliability import share_intervals
 from ..studies.right_and_wrong import is_wrong
 from ..types import Estimate, Port, Recording, Status
+from .drawings import COLOUR
 from .gallery import paintings
 from .tables import CAMERAS
 
@@ -113,4 +116,34 @@ def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool 
             paint(ax, answer=before if line == "former" else None, title=line)
             (u, v), half = before.ellipse.centre_px, MARGIN * before.ellipse.semi_axes_px[0]
             ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))
+    return fig
+
+
+def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
+    """Figure of `reliability.reliability`'s tables: the share of right poses over the confidence.
+
+    Parameters
+    ----------
+    panels
+        Tables by colour's name, by the panel's title.
+    """
+    fig, axes = plt.subplots(1, len(panels), figsize=(7.6, 3.6))
+    for ax, (title, tables) in zip(axes, panels.items(), strict=True):
+        ax.plot([0, 1], [0, 1], color=COLOUR["ink"], lw=0.8, ls="--")
+        least = 1.0
+        for side, (name, table) in zip((-1, 1), tables.items(), strict=False):
+            ends = share_intervals(table)
+            ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
+                        color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
+            for row in table.itertuples():
+                ax.annotate(f"{row.poses:,}", (row.confidence, row.right), (5 * side, -12),
+                            textcoords="offset points", ha="left" if side > 0 else "right",
+                            color=COLOUR[name], size="small")  # fmt: skip
+            least = min(least, ends.min(), table.confidence.min())
+        least = np.floor(10 * least) / 10
+        beyond = 1 + 0.15 * (1 - least)
+        ax.set(title=title, xlabel="confidence", xlim=(least, beyond),
+               ylim=(least - 0.05 * (1 - least), beyond))  # fmt: skip
+        ax.legend(loc="lower right")
+    axes[0].set_ylabel("share of right poses")
     return fig

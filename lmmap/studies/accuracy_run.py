@@ -26,7 +26,7 @@ from .accuracy_tables import DRAWS, SEED, label
 from .archive import pack, unpack
 from .claims import claims
 from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
-from .sequence_files import bench_recording, kept_estimates
+from .sequence_files import bench_recording, confidences, kept_estimates
 
 RESULT_SOURCES = (
     *source_files("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
@@ -166,6 +166,9 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
                 path = folder / f"errors-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, table, **facts))
                 medians = table[list(pose_errors.METRICS)].median()
+            if kind == "test" and gap == OURS.weights and modality in MODALITIES:
+                path = folder / f"confidence-{label(name, modality, gap)}.csv"
+                files.append(save_table(path, confidences(estimates), **facts))
             counts.append({
                 "sequence": name, "weights": gap, "modality": modality, "images": len(estimates),
                 "ellipses": sum(e.ellipse is not None for e in estimates),

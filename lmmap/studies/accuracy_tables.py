@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..settings import OURS
 from ..training.mask_quality import medians
-from . import error_statistics, ladder, pose_errors
+from . import error_statistics, ladder, pose_errors, reliability
 from .pose_errors import DOMAIN_GAPS, MODALITIES, TRACKS
 from .right_and_wrong import right_and_wrong
 
@@ -43,6 +43,7 @@ def tables(
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
         "default": default_networks(folder, tests, counts[counts.weights == OURS.weights], draws),
+        "reliability": default_reliability(folder, tests),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
@@ -69,6 +70,17 @@ def default_networks(
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
     empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
+
+
+def default_reliability(folder: Path, tests: dict[str, list[str]]) -> pd.DataFrame:
+    """`reliability.of_sequences` with the default networks, by ``light`` and ``modality``."""
+    parts = []
+    for (light, names), modality in product(tests.items(), MODALITIES):
+        labels = [label(name, modality, OURS.weights) for name in names]
+        confidences = [pd.read_csv(folder / f"confidence-{each}.csv") for each in labels]
+        table = reliability.of_sequences(_errors(folder, names, modality, OURS.weights), confidences)
+        parts.append(table.assign(light=light, modality=modality))
+    return pd.concat(parts)
 
 
 def _errors(folder: Path, names: list[str], track: str, weights: str) -> list[pd.DataFrame]:
