@@ -90,7 +90,8 @@ def right(table: pd.DataFrame) -> pd.Series:
 
 
 def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
-    tables = [errors(recording, fuse(merge_by_time(tracks), port.yaw_period_rad, RATE_HZ, motion), port)
+    settings = replace(OURS, motion=motion, min_confidence=0.0)  # every pose is scored, however doubtful
+    tables = [errors(recording, fuse(merge_by_time(tracks), port.yaw_period_rad, RATE_HZ, settings), port)
               .assign(sequence=recording.name) for recording, tracks in cases]  # fmt: skip
     return pd.concat(tables).query("in_view")
 

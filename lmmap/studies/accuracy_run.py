@@ -166,7 +166,7 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
                 path = folder / f"errors-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, table, **facts))
                 medians = table[list(pose_errors.METRICS)].median()
-            if kind == "test" and gap == OURS.weights and modality in MODALITIES:
+            if kind == "test" and gap == OURS.weights:
                 path = folder / f"confidence-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, confidences(estimates), **facts))
             counts.append({

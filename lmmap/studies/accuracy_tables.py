@@ -75,7 +75,7 @@ def default_networks(
 def default_reliability(folder: Path, tests: dict[str, list[str]]) -> pd.DataFrame:
     """`reliability.of_sequences` with the default networks, by ``light`` and ``modality``."""
     parts = []
-    for (light, names), modality in product(tests.items(), MODALITIES):
+    for (light, names), modality in product(tests.items(), TRACKS):
         labels = [label(name, modality, OURS.weights) for name in names]
         confidences = [pd.read_csv(folder / f"confidence-{each}.csv") for each in labels]
         table = reliability.of_sequences(_errors(folder, names, modality, OURS.weights), confidences)

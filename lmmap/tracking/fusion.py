@@ -28,7 +28,7 @@ from ..settings import OURS, MotionSettings, Settings
 from ..types import Estimate, Status, check_number, check_time
 from .gate import match
 from .motion_model import MotionState, repetition
-from .outliers import probability_within_limits
+from .within_limits import probability_within_limits
 
 LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 LEAST_HZ, MOST_HZ = 1e-6, 1e6  # of fused estimates: one in 12 days, or one a microsecond

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtr
 
 from ..geometry.rotations import rotation_between_rad
 from ..settings import OURS, PAPER, PaperSettings, Settings
@@ -38,31 +37,10 @@ def outlier_filter(
 
 def sigmas(estimate: Estimate) -> tuple[float, float]:
     """Standard deviations of the position (m) and of the normal (rad), each along its worst direction."""
-    worst = [np.linalg.eigvalsh(block)[-1] for block in _blocks(estimate)[:2]]
-    return tuple(float(np.sqrt(max(w, 0))) for w in worst)
-
-
-def probability_within_limits(estimate: Estimate, settings: Settings = OURS) -> float:
-    """Probability, by its covariance, that a pose is right: within ``right_position_m``, ``right_normal_rad``
-    and ``right_rotation_rad``.  It is not overstated: the three chances to miss add up.
-
-    The square of an error with covariance C is taken as g times a chi-square variable of h degrees of
-    freedom, with its mean g h = tr C and its variance 2 g^2 h = 2 tr C^2 (Satterthwaite 1946,
-    doi 10.2307/3002019).
-    """
-    limits = settings.right_position_m, settings.right_normal_rad, settings.right_rotation_rad
-    missed = 0.0
-    for C, limit in zip(_blocks(estimate), limits, strict=True):
-        mean, spread = np.trace(C), np.sum(C * C.T)
-        missed += 1 - chdtr(mean**2 / spread, limit**2 * mean / spread)
-    return float(max(0.0, 1 - missed))
-
-
-def _blocks(estimate: Estimate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariances (3, 3) of the position, of the normal and of the rotation."""
     C, n = estimate.covariance, estimate.T_cam_port.normal
     across = np.eye(3) - np.outer(n, n)
-    return C[:3, :3], across @ C[3:, 3:] @ across, C[3:, 3:]
+    worst = [np.linalg.eigvalsh(block)[-1] for block in (C[:3, :3], across @ C[3:, 3:] @ across)]
+    return tuple(float(np.sqrt(max(w, 0))) for w in worst)
 
 
 def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
