@@ -42,7 +42,8 @@ class Estimates:
         port, turn = recording.truth is not None, len(recording.name) % 3
         off = OFF[turn:] + OFF[:turn]
         estimates = [
-            Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD) if port
+            Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD,
+                     confidence=0.95) if port
             else Estimate(100_000 * k, Status.NO_RING)
             for k in range(30)
         ]  # fmt: skip
@@ -139,7 +140,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path)
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 15
+    assert len(tables) == 16
     other, left, lines = tmp_path / "other", Estimates(), []
     study = made_up(other, left, committed=paper)
     (paper / "sequences" / "test-low-1.zip").unlink()
