@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..provenance import made_results
-from ..studies.accuracy_run import COMMITTED
 from ..studies.ladder import RUNGS
 from .drawings import COLOUR
 from .tables import CAMERAS
@@ -19,11 +15,6 @@ PANELS = (  # metric, statistic, scale, title
     ("position_error_m", "median", 1e3, "position, median error (mm)"),
     ("wrong_percent", "in_fov", 1.0, "wrong poses (%)"),
 )
-
-
-def newest() -> Path:
-    """The study's results: those of the paper's durations if they have a ladder, else the profile's."""
-    return COMMITTED if (COMMITTED / "ladder.csv").exists() else made_results()
 
 
 def means(rungs: pd.DataFrame, gap: str) -> pd.DataFrame:
