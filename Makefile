@@ -81,6 +81,7 @@ book: env  ## build the book, making the results that are absent or old; warning
 	@$(if $(DATA),$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --data "$(DATA)")
 	@$(BIN)/python -c 'import matplotlib.pyplot' 2>/dev/null  # its first import may talk about fonts, in a cell
 	@echo "book: building; chapters run only when they, the module or the data changed"
+	@rm -rf _build/html  # or pages of modules that were renamed would stay; unchanged pages are only written again
 	@$(BIN)/jupyter-book build . -W --keep-going --quiet || { rm -rf _build; \
 	  echo "book: failed, see above; _build is gone, or the next build would pass over the page that failed"; exit 1; }
 	@echo "book: _build/html/index.html"
