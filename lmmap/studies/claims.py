@@ -59,7 +59,10 @@ def _run(table: pd.DataFrame) -> list[str]:
 def _modalities(table):
     """Claims about which modality is better: pairs of cells, the position's median with outlier filter."""
     cells = table.set_index(KEYS)
-    factor = f"alike: within a factor {ALIKE:g}, as far as the paper's own; partly: in part of the lights"
+    factor = (
+        f"alike: the larger error is at most {ALIKE:g} times the smaller one, the widest ratio that the paper "
+        "itself calls similar; partly: in only a part of the lights"
+    )
     high, low = ([(gap, "rgb"), (gap, "event")] for gap in ("high", "low"))
     events = [("high", "event"), ("low", "event")]
     for claim, pair, lights, agrees, why in (
@@ -126,7 +129,7 @@ def _unknown_satellites(table):
         judged,
         f"works: a pose in over {FOUND_PERCENT:.0f} % of the images that show the ring, and a "
         f"median below {1e3 * NEAR_M:.0f} mm; partly: in part of the cells; wrong poses are shown and "
-        "not judged, for the paper states none",
+        "not judged, because the paper states none",
     )
 
 
@@ -139,7 +142,8 @@ def _appearance(filters):
         "Frames of both training sets look alike in low light and differ in high light",
         "in words",
         {"ours": (f"the ring's mask loses by the gap: {text}", verdict(lost["low"] < 0.5 * lost["high"]))},
-        "alike: the gap costs the mask's overlap less than half of what it costs in high light",
+        "alike in low light: there the gap costs the mask less than half of the overlap that it costs in high "
+        "light",
     )
 
 
@@ -158,7 +162,8 @@ def _saturation(table, saturation):
         "Saturation around the port does not correlate with accuracy (low; medium; high light)",
         paper,
         {"ours": (f"rank correlation over frames: {ours}", verdict(ranks.abs() < RANKED))},
-        f"three lights are too few to say; frames within a light are not; limit of each light: {RANKED:g}",
+        f"three lights are too few to judge by, so the frames of each light are: no correlation is a rank "
+        f"correlation between -{RANKED:g} and {RANKED:g}",
     )
 
 
@@ -196,7 +201,7 @@ def _rotation(table):
         "Position is good and the normal poor, because tilt is hard to see (median of all cells)",
         judged["table1"][0],
         judged,
-        "were it the measurement, the exact formula on the same ellipses "
-        f"would be as poor; poor: above {POOR_DEG:g} deg",
+        "if the measurement were the cause, normals by the exact formula on the same ellipses would be as "
+        f"poor; poor: above {POOR_DEG:g} deg",
         decides="ours",
     )
