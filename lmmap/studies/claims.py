@@ -60,8 +60,8 @@ def _modalities(table):
     """Claims about which modality is better: pairs of cells, the position's median with outlier filter."""
     cells = table.set_index(KEYS)
     factor = (
-        f"alike: the larger error is at most {ALIKE:g} times the smaller one, the widest ratio that the paper "
-        "itself calls similar; partly: in only a part of the lights"
+        f"alike: the larger error is at most {ALIKE:g} times the smaller one, the widest ratio that the "
+        "paper itself calls similar; partly: in only a part of the lights"
     )
     high, low = ([(gap, "rgb"), (gap, "event")] for gap in ("high", "low"))
     events = [("high", "event"), ("low", "event")]
@@ -142,8 +142,8 @@ def _appearance(filters):
         "Frames of both training sets look alike in low light and differ in high light",
         "in words",
         {"ours": (f"the ring's mask loses by the gap: {text}", verdict(lost["low"] < 0.5 * lost["high"]))},
-        "alike in low light: there the gap costs the mask less than half of the overlap that it costs in high "
-        "light",
+        "alike in low light: there the gap costs the mask less than half of the overlap that it costs in "
+        "high light",
     )
 
 
