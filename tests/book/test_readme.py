@@ -6,6 +6,7 @@ import pandas as pd
 
 from lmmap.provenance import DATA, ROOT
 from lmmap.settings import OURS
+from lmmap.studies.pose_errors import LIGHTS
 from lmmap.types import Pose
 
 
@@ -30,3 +31,14 @@ def test_its_shares_are_those_of_the_table():
     )
     text = " ".join((ROOT / "README.md").read_text().split())
     assert f"{right} of {cells.images.sum()} images have a right pose and {wrong} a wrong one" in text
+
+
+def test_its_shares_of_the_test_sequences_are_those_of_the_table():
+    table = pd.read_csv(DATA / "results" / "accuracy" / "default.csv")
+    test = table[table.light != "no port"].pivot(index="light", columns="modality")
+    right, wrong = test.right_percent.loc[list(LIGHTS)], test.wrong_percent.max()
+    text = " ".join((ROOT / "README.md").read_text().split())
+    words = {"rgb": "of the frames", "event": "of the histograms", "fused": "of the times"}
+    for modality, what in words.items():
+        assert f"{', '.join(f'{r:.0f}' for r in right[modality])} % {what}" in text
+        assert f"{wrong[modality]:.1f} % {what}" in text
