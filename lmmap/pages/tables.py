@@ -21,14 +21,7 @@ WORDS = {  # what a table calls a metric and its statistic
     ("rotation_error_deg", "rmse"): "rotation, RMSE (°)",
     ("detection_rate_percent", "all"): "found, all images (%)",
 }
-ESTIMATORS = {
-    "table1": "paper",
-    "as_printed": "as printed",
-    "printed": "printed",
-    "ours": "ours",
-    "certain": "certain",
-    "fused": "fused",
-}
+ESTIMATORS = {"table1": "paper", "as_printed": "as printed", "ours": "ours", "fused": "fused"}
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
 CELL, INTERVAL = ["metric", "statistic", "light", "modality"], ("value", "low", "high")

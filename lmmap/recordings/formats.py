@@ -72,11 +72,7 @@ def open_recording(path, camera: Camera | str | Path | None = None, *, fps: floa
 
 
 def open_stream(
-    path,
-    camera: Camera | str | Path | None = None,
-    *,
-    checked: bool = True,
-    fps: float | None = None,
+    path, camera: Camera | str | Path | None = None, *, checked: bool = True, fps: float | None = None
 ) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 

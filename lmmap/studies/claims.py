@@ -10,7 +10,7 @@ import pandas as pd
 
 from .claims_of_limits import claims_of_limits
 from .pose_errors import LIGHTS
-from .verdicts import COLUMNS, ESTIMATORS, FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, verdict
+from .verdicts import COLUMNS, ESTIMATORS, FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, short, verdict
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 ALIKE = 1.6  # the widest ratio of medians between cells that the paper calls similar
@@ -120,7 +120,7 @@ def _unknown_satellites(table):
     def text(e):
         ranges = [(rates[e], "found in", "%"), (1e3 * error[e], "off by", "mm")]
         ranges += [(wrong[e], "wrong in", "%")] if e in wrong and wrong[e].notna().any() else []
-        return ", ".join(f"{words} {v.min():.0f} to {v.max():.0f} {unit}" for v, words, unit in ranges)
+        return ", ".join(f"{words} {short(v.min())} to {short(v.max())} {unit}" for v, words, unit in ranges)
 
     judged = {e: (text(e), verdict((rates[e] >= FOUND_PERCENT) & (error[e] <= NEAR_M))) for e in _run(table)}
     return row(

@@ -37,6 +37,11 @@ def verdict(holds) -> str:
     return HOLDS if holds.all() else PARTLY if holds.any() else FAILS
 
 
+def short(value: float) -> str:
+    """A whole number from ten on, a tenth below."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.1f}"
+
+
 def other_results() -> pd.DataFrame:
     """What the paper states besides its Table I."""
     return pd.read_csv(DATA / "paper" / "other_results.csv")

@@ -83,7 +83,7 @@ class Tracker:
                 if look_us == t_us and known.predict(t_us) is None:
                     self._support = 0
                 e, fits = self._measure(known, modality, look, look_us)
-            if fits and e.T_cam_port is not None:
+            if fits:
                 return self._answer(e, modality, fits)
             estimates.append((e, fits))
         best = max(estimates, key=lambda pair: pair[0].T_cam_port is not None)
@@ -155,9 +155,9 @@ class Tracker:
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:
         """What image and track say together, and the track after it."""
         seen = e.T_cam_port is not None
-        if fits and seen:
+        if fits:
             self._support = min(self._support + 1, MOST_SUPPORT)
-        elif not fits:
+        else:
             self._support = max(self._support - 1, 0)
             if seen and not self._support:  # what contradicts the track takes its place
                 self._track.restart()
@@ -168,5 +168,5 @@ class Tracker:
         e = replace(e, measured=e.T_cam_port)
         if track.T_cam_port is None:
             return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.measured) if seen else e
-        status = Status.OK if fits and seen else Status.PREDICTED
+        status = Status.OK if fits else Status.PREDICTED
         return replace(e, status=status, T_cam_port=track.T_cam_port, covariance=track.covariance)
