@@ -78,12 +78,12 @@ def answer(argv: list[str]) -> Answer:
     """Run ``lmmap`` in a forked process under limits."""
     sys.stdout.flush()
     with tempfile.TemporaryFile() as err:
-        told, tell = os.pipe()
+        read_end, write_end = os.pipe()
         child = os.fork()
         if not child:
             code = 99
             try:
-                os.write(tell, resident_bytes().to_bytes(8, "big"))  # a child holds a part of its parent's
+                os.write(write_end, resident_bytes().to_bytes(8, "big"))  # a child holds part of its parent's
                 os.setsid()
                 silent = os.open(os.devnull, os.O_RDWR)
                 for stream, target in ((0, silent), (1, silent), (2, err.fileno())):
@@ -113,8 +113,8 @@ def answer(argv: list[str]) -> Answer:
                 os.killpg(child, signal.SIGKILL)
             os.close(ended)
         _, status, used = os.wait4(child, 0)
-        idle = int.from_bytes(os.read(told, 8), "big")
-        os.close(told), os.close(tell)
+        idle = int.from_bytes(os.read(read_end, 8), "big")
+        os.close(read_end), os.close(write_end)
         err.seek(0)
         text = err.read().decode(errors="replace")
     bytes_above = max(0, used.ru_maxrss * 1024 - idle)

@@ -88,10 +88,10 @@ def success(share: float, outliers: float, trials: int = 200) -> float:
         clutter = rng.uniform([0, 0], CAMERA.size_px, (int(500 * outliers), 2))
         picked = (rng.integers(3600) + rng.integers(0, int(3600 * share), 500 - len(clutter))) % 3600
         arc = e.points(3600)[picked] + 0.5 * rng.standard_normal((len(picked), 2))
-        found = ellipse.fit_ransac(np.concatenate([arc, clutter]), rng, lenient)[0]
-        hits += found is not None and bool(
-            np.linalg.norm(found.centre_px - e.centre_px) < 2
-            and np.all(np.abs(found.semi_axes_px / e.semi_axes_px - 1) < 0.03)
+        fit = ellipse.fit_ransac(np.concatenate([arc, clutter]), rng, lenient)[0]
+        hits += fit is not None and bool(
+            np.linalg.norm(fit.centre_px - e.centre_px) < 2
+            and np.all(np.abs(fit.semi_axes_px / e.semi_axes_px - 1) < 0.03)
         )
     return hits / trials
 
@@ -103,8 +103,8 @@ def yaw_errors_deg(trials: int = 120) -> np.ndarray:
         tilt, azimuth, turn = np.deg2rad(rng.uniform(8, 55)), *rng.uniform(0, 2 * np.pi, 2)
         T = tilted_pose(tilt, azimuth, turn, rng.uniform([-0.06, -0.05, 0.4], [0.06, 0.05, 0.8]))
         pair = circle.poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
-        found = yaw.fast_yaw(soft_masks(T, rng)[1], pair, PORT, CAMERA).T_cam_port
-        errors.append(np.rad2deg(rotation_between_rad(found.rotation, T.rotation, PORT.yaw_period_rad)))
+        T_cam_port = yaw.fast_yaw(soft_masks(T, rng)[1], pair, PORT, CAMERA).T_cam_port
+        errors.append(np.rad2deg(rotation_between_rad(T_cam_port.rotation, T.rotation, PORT.yaw_period_rad)))
     return np.array(errors)
 
 

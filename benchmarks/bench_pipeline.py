@@ -61,10 +61,10 @@ def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
         watch(f"{n} filter", plain.mask, net, image, modality) for n, net in zip(FILTERS, nets, strict=True)
     )
     points = watch("skeleton", skeleton_points, ring)
-    found, _ = watch("ellipse", plain.ransac_loop, points, np.random.default_rng(0))
-    if found is None:
+    fitted, _ = watch("ellipse", plain.ransac_loop, points, np.random.default_rng(0))
+    if fitted is None:
         return False
-    poses = watch("circle", circle.paper_poses, found, camera, port.ring_radius_m)
+    poses = watch("circle", circle.paper_poses, fitted, camera, port.ring_radius_m)
     watch("yaw", yaw.paper_yaw, reflectors, poses, port, camera)
     return True
 
@@ -73,15 +73,15 @@ def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
     """The stages that `Estimator` goes through, one by one."""
     camera, port = estimator.camera, estimator.port
     ring = watch("ring filter", estimator.ring_network, image)
-    found, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
-    if isinstance(found, Contour):
-        candidates = watch("circle", estimator.candidates, found.ellipse)
+    contour, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
+    if isinstance(contour, Contour):
+        candidates = watch("circle", estimator.candidates, contour.ellipse)
         reflectors = watch("reflector filter", estimator.find_reflectors, image, candidates)
         edges = watch("edges of the image", outline.edges, image)
         weights = estimator.settings.yaw_weights[estimator.modality]
         best = watch("yaw", yaw.fast_yaw, reflectors, candidates[:2], port, camera, estimator.settings, edges,
                      weights)  # fmt: skip
-        T_cam_port, covariance, _ = watch("joint refinement", estimator.refine, best, found, reflectors)
+        T_cam_port, covariance, _ = watch("joint refinement", estimator.refine, best, contour, reflectors)
         watch("on edges", estimator.refine_on_edges, T_cam_port, covariance, best, edges)
         watch("confidence", estimator.confidence, T_cam_port, covariance, best, image, ring, reflectors)
 
@@ -97,7 +97,7 @@ def main() -> None:
     threads, bits = torch.get_num_threads(), "with" if has_bfloat16() else "without"
     print(f"{threads} threads, processor {bits} bfloat16; the paper: {PAPER_HZ:g} Hz with a GPU")
     print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
-    some = recording.events[: PAPER.events_per_window]
+    window = recording.events[: PAPER.events_per_window]
     for modality in ("rgb", "event"):
         estimator, nets = Estimator(recording.camera, modality=modality), plain.nets(modality)
         shots = [image for _, image in images(recording, modality)][:IMAGES]
@@ -106,7 +106,7 @@ def main() -> None:
         stages, peer, whole, peer_whole, binning = Watch(), Watch(), Watch(), Watch(), Watch()
         for image in shots:
             if modality == "event":
-                binning("histogram", histogram, some["x"], some["y"], recording.camera.size_px)
+                binning("histogram", histogram, window["x"], window["y"], recording.camera.size_px)
             answers.append(whole("whole", estimator, image))
             peer_whole("whole", papers, peer, nets, estimator, image)
             ours(stages, estimator, image)

@@ -85,9 +85,9 @@ def main(path: Path | None, folder: Path) -> None:
     recording = open_recording(path)
     events = recording.events
     write_recording(recording, folder / "copy.h5")
-    some = events[windows(events)[0]]
-    np.testing.assert_array_equal(ours(some), add_at(some))
-    np.testing.assert_array_equal(ours(some), histogram2d(some))
+    first_window = events[windows(events)[0]]
+    np.testing.assert_array_equal(ours(first_window), add_at(first_window))
+    np.testing.assert_array_equal(ours(first_window), histogram2d(first_window))
     few = events[:200_000]
     part = Recording("part", recording.camera, few, recording.frames[:0], recording.frames_t_us[:0])
 

@@ -94,18 +94,18 @@ def main(folder: Path, seed: Path) -> None:
         print(f"  read, binned: {measured['events'] / 1e6:.0f} M events, {rate:.1f} Mev/s "
               f"({measured['events'] / measured['cpu_s'] / 1e6:.1f} a second of processor), "
               f"peak {measured['peak_gb']:.2f} GB", flush=True)  # fmt: skip
-        told = [(measured["peak_gb"], rate)]
+        peaks_and_rates = [(measured["peak_gb"], rate)]
         poses = folder / "long.csv"
         for argv in (
             ("info", path, "--json"),
             ("estimate", path, "--modality", "event", "--rate", "0.1", "-o", poses),
         ):
-            one = child(MAIN, *argv)
-            print(f"  lmmap {argv[0]}: {one['seconds']:.0f} s, peak {one['peak_gb']:.2f} GB", flush=True)
-            told.append((one["peak_gb"], np.inf))
+            run = child(MAIN, *argv)
+            print(f"  lmmap {argv[0]}: {run['seconds']:.0f} s, peak {run['peak_gb']:.2f} GB", flush=True)
+            peaks_and_rates.append((run["peak_gb"], np.inf))
         poses.unlink()
         path.unlink()
-        good = all(peak < LIMIT_GB and rate >= LEAST_MEV_S for peak, rate in told)
+        good = all(peak < LIMIT_GB and rate >= LEAST_MEV_S for peak, rate in peaks_and_rates)
         print(f"  under {LIMIT_GB} GB and over {LEAST_MEV_S:g} Mev/s: {'yes' if good else 'NO'}", flush=True)
 
 

@@ -97,12 +97,12 @@ def row(modality, marker_sigma_px, values, differences, covariances, marker_scor
     where markers are faint, and the score of those that do not."""
     (deg, mm), (rms_deg, rms_mm) = np.median(values, 0), np.sqrt(np.mean(np.square(values), 0))
     names = ("inside_percent", "joint_inflation", "score", "score_constant")
-    told = dict.fromkeys(names, np.nan) | {"refined": len(differences)}
+    scores = dict.fromkeys(names, np.nan) | {"refined": len(differences)}
     if differences:
         d, C = np.array(differences), np.array(covariances)
-        told |= inflated(d, joint.inflate(C, marker_scores)) | {"score_constant": inflated(d, C)["score"]}
+        scores |= inflated(d, joint.inflate(C, marker_scores)) | {"score_constant": inflated(d, C)["score"]}
     return {"modality": modality, "marker_sigma_px": marker_sigma_px, "normal_deg": deg, "position_mm": mm,
-            "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **told}  # fmt: skip
+            "normal_rms_deg": rms_deg, "position_rms_mm": rms_mm, **scores}  # fmt: skip
 
 
 def other_yaws(margins, turned_rad, port: Port) -> tuple[float, float]:
@@ -149,14 +149,14 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
         differences, covariances, faintness, after = [], [], [], []
         for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
             ring_px = known_px * np.sqrt(rings["inflation"])
-            found = fit.yaw_margin >= OURS.min_yaw_margin and joint.refine(
+            refined = fit.yaw_margin >= OURS.min_yaw_margin and joint.refine(
                 fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_px, marker_px
             )
-            T = found.T_cam_port if found else fit.T_cam_port
+            T = refined.T_cam_port if refined else fit.T_cam_port
             after.append(errors(T, truth))
-            if found:
+            if refined:
                 differences.append(difference(T, truth, port))
-                covariances.append(found.covariance)
+                covariances.append(refined.covariance)
                 faintness.append(fit.score)
         rows.append(row(modality, marker_px, after, differences, covariances, faintness))
     margin, other_percent = other_yaws(margins, turned, port)
@@ -184,8 +184,8 @@ def main() -> None:
     for modality in ("rgb", "event"):
         estimator = Estimator(modality=modality)
         of = {name: list(measured(estimator, name)) for name in tqdm(SEQUENCES, modality, disable=None)}
-        cases = [case for some in of.values() for case in some]
-        lights = [laboratory.sequence(name).light for name, some in of.items() for _ in some]
+        cases = [case for group in of.values() for case in group]
+        lights = [laboratory.sequence(name).light for name, group in of.items() for _ in group]
         tables.append(calibrate(estimator, cases))
         reached.append(by_light(estimator, cases, lights))
     table, lit = pd.concat(tables, ignore_index=True), pd.concat(reached, ignore_index=True)

@@ -32,12 +32,12 @@ FACTORS = (1.0, 1.5, 2.0, 3.0)
 def seen_at(estimator: Estimator, window, truth_of) -> tuple[Estimate, bool, bool]:
     """The estimate from a window's events, whether it is right, and whether its region holds the truth."""
     t_us = middle_us(window)
-    one = estimator(histogram(window["x"], window["y"], estimator.camera.size_px), t_us)
-    if one.T_cam_port is None:
-        return one, False, False
+    e = estimator(histogram(window["x"], window["y"], estimator.camera.size_px), t_us)
+    if e.T_cam_port is None:
+        return e, False, False
     truth = truth_of(t_us)
-    nees = mahalanobis(difference(one.T_cam_port, truth, estimator.port)[None], one.covariance[None])
-    return one, right(one.T_cam_port, truth, estimator.port), bool(nees[0] < chi2.ppf(0.95, 6))
+    nees = mahalanobis(difference(e.T_cam_port, truth, estimator.port)[None], e.covariance[None])
+    return e, right(e.T_cam_port, truth, estimator.port), bool(nees[0] < chi2.ppf(0.95, 6))
 
 
 def measured(estimator: Estimator, name: str) -> list[dict]:
@@ -53,13 +53,13 @@ def measured(estimator: Estimator, name: str) -> list[dict]:
         if len(window) < most or not in_view(truth, estimator.port, seen.camera):
             continue
         for factor in FACTORS:
-            one, good, inside = seen_at(estimator, window[-int(factor * count) :], truth_of)
-            found = one.T_cam_port is not None
-            (sure,) = is_certain([one])
-            rows.append({"light": sequence(name).light, "factor": factor, "images": 1, "found": found,
+            e, good, inside = seen_at(estimator, window[-int(factor * count) :], truth_of)
+            has_pose = e.T_cam_port is not None
+            (sure,) = is_certain([e])
+            rows.append({"light": sequence(name).light, "factor": factor, "images": 1, "found": has_pose,
                          "right": good, "inside": inside, "certain": sure,
                          "certain_right": sure and good})  # fmt: skip
-            if factor == 1 and found:
+            if factor == 1 and has_pose:
                 break
     return rows
 

@@ -96,10 +96,10 @@ def choice(table: pd.DataFrame, present: tuple = PRESENT) -> pd.Series:
     """The present thresholds, or those that are better by more than chance."""
     both = table.groupby(list(NAMES))[["images", "right", "wrong", "false"]].sum().reset_index()
     both["score"] = (both.right - both.wrong) / both.images
-    some = both[both.false == both.false.min()].sort_values("score", ascending=False)
-    ours = some[np.isclose(some[list(NAMES)], present).all(1)]
-    tie = len(ours) and ours.score.iloc[0] >= some.score.iloc[0] - CHANCE
-    return (ours if tie else some).iloc[0]
+    fewest_false = both[both.false == both.false.min()].sort_values("score", ascending=False)
+    ours = fewest_false[np.isclose(fewest_false[list(NAMES)], present).all(1)]
+    tie = len(ours) and ours.score.iloc[0] >= fewest_false.score.iloc[0] - CHANCE
+    return (ours if tie else fewest_false).iloc[0]
 
 
 def main() -> None:

@@ -81,27 +81,27 @@ def without_lines(picture: np.ndarray) -> np.ndarray:
 def judged(look: Look, picture, reflector_network, outer: Ellipse | None, seen) -> dict:
     """The columns of one look; without an ``outer`` edge that a person sees, finding none is right."""
     e, size_px, port = look.estimate, picture.shape[1::-1], Port.lm_map()
-    found = {"look_px": look.camera.width_px if e.ellipse else np.nan, "status": e.status}
-    found |= {"contrast": look.contrast if e.ellipse else np.nan, "confidence": e.confidence}
-    found |= {"ring_right": (e.ellipse is None) == (outer is None)}
+    columns = {"look_px": look.camera.width_px if e.ellipse else np.nan, "status": e.status}
+    columns |= {"contrast": look.contrast if e.ellipse else np.nan, "confidence": e.confidence}
+    columns |= {"ring_right": (e.ellipse is None) == (outer is None)}
     if e.ellipse and outer is not None:
         ring = look.ellipse_in(size_px)
         to_davis = Camera.davis346().width_px / size_px[0]
         ratio = ring.semi_axes_px * port.ring_outer_radius_m / port.ring_radius_m / outer.semi_axes_px
         centre_px = float(np.hypot(*(ring.centre_px - outer.centre_px))) * to_davis
-        found |= {"centre_px": centre_px, "major_ratio": ratio[0], "minor_ratio": ratio[1]}
-        found["ring_right"] = centre_px < RIGHT_CENTRE_PX and bool(np.all(np.abs(ratio - 1) < RIGHT_AXES))
-    found |= {"markers_seen": len(seen), "markers_found": 0, "pose_plausible": False}
+        columns |= {"centre_px": centre_px, "major_ratio": ratio[0], "minor_ratio": ratio[1]}
+        columns["ring_right"] = centre_px < RIGHT_CENTRE_PX and bool(np.all(np.abs(ratio - 1) < RIGHT_AXES))
+    columns |= {"markers_seen": len(seen), "markers_found": 0, "pose_plausible": False}
     pose = e.T_cam_port or e.doubtful
     if pose is not None:
         corners = markers_px(pose, port, look.camera)
         scores = marker_scores(reflector_network(look.image), corners)
-        found["markers_found"] = int((scores >= OURS.min_marker_score).sum())
+        columns["markers_found"] = int((scores >= OURS.min_marker_score).sum())
         if len(seen):
             centres = (corners.mean(1) + 0.5) * size_px[0] / look.camera.width_px - 0.5
             nearest = np.linalg.norm(centres[:, None] - seen, axis=-1).min(0)
-            found["pose_plausible"] = bool(nearest.max() < MARKER_NEAR * outer.semi_axes_px[0])
-    return found
+            columns["pose_plausible"] = bool(nearest.max() < MARKER_NEAR * outer.semi_axes_px[0])
+    return columns
 
 
 def outlined(look: Look, size_px) -> dict:

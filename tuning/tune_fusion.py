@@ -97,10 +97,10 @@ def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
 
 
 def choice(grid: pd.DataFrame) -> pd.Series:
-    """The best score of the honest settings; for want of them, the most honest."""
+    """The best score among the settings whose coverage is right; for want of them, the nearest to it."""
     off = (grid.inside_95_percent - 95).abs()
-    honest = off <= np.maximum(grid.chance, off.min())
-    return grid.loc[grid.score.where(honest).idxmax()]
+    calibrated = off <= np.maximum(grid.chance, off.min())
+    return grid.loc[grid.score.where(calibrated).idxmax()]
 
 
 def main() -> None:

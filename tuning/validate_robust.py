@@ -40,14 +40,14 @@ VARIATIONS = {
 }
 
 
-def is_ring(found, T) -> bool:
+def is_ring(ring, T) -> bool:
     """Whether `Estimator.find_ring` found an ellipse, and the true one."""
-    if not isinstance(found, Contour):
+    if not isinstance(ring, Contour):
         return False
     true = circle_ellipse(T, world.PORT.ring_radius_m, world.CAMERA)
-    away_px = np.linalg.norm(found.ellipse.centre_px - true.centre_px)
+    away_px = np.linalg.norm(ring.ellipse.centre_px - true.centre_px)
     return bool(
-        away_px < NEAR_PX and np.allclose(found.ellipse.semi_axes_px, true.semi_axes_px, rtol=NEAR_SIZE)
+        away_px < NEAR_PX and np.allclose(ring.ellipse.semi_axes_px, true.semi_axes_px, rtol=NEAR_SIZE)
     )
 
 
@@ -55,15 +55,15 @@ def scores(modality: str, estimator: Estimator, ring_network=None, reflectors=Tr
     """A row a condition and filter: mean IoU, and in how many images the ring's ellipse is found."""
     rows, cut = [], estimator.settings.mask_threshold
     for name, condition in CONDITIONS[modality].items():
-        fits, found, marked = [], [], []
+        fits, rings, marked = [], [], []
         for image, (ring, markers), T in cases(condition):
             mask = (ring_network or estimator.ring_network)(image)
             fits.append(iou(mask > cut, ring))
-            found.append(is_ring(estimator.find_ring(mask)[0], T))
+            rings.append(is_ring(estimator.find_ring(mask)[0], T))
             if reflectors:
                 marked.append(iou(estimator.find_reflectors(image, T[None]) > cut, markers))
         row = {"modality": modality, "condition": name, "images": len(fits)}
-        rows.append(row | {"filter": "ring", "iou": np.mean(fits), "found_percent": 100 * np.mean(found)})
+        rows.append(row | {"filter": "ring", "iou": np.mean(fits), "found_percent": 100 * np.mean(rings)})
         if reflectors:
             rows.append(row | {"filter": "reflector", "iou": np.mean(marked)})
     return rows

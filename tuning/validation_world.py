@@ -174,19 +174,19 @@ def shots(recording: Recording, kind: str) -> dict[str, np.ndarray]:
         kind.split()[0],
         settings_for(CAMERA, int(PAPER.events_per_window * HISTOGRAMS.get(kind, 1))),
     )
-    span_us, found = recording.truth.t_us, []
+    span_us, looks = recording.truth.t_us, []
     for t_us, image in images(recording, modality, settings):
         T = recording.truth.at(np.clip([t_us], span_us[0], span_us[-1]))
         if in_view(T, PORT, CAMERA)[0]:
-            found.append((image, T[0]))
-    found = [found[i] for i in np.unique(np.linspace(0, len(found) - 1, min(EACH, len(found))).astype(int))]
-    masks = [labels.label_masks(T, PORT, CAMERA) for _, T in found]
+            looks.append((image, T[0]))
+    looks = [looks[i] for i in np.unique(np.linspace(0, len(looks) - 1, min(EACH, len(looks))).astype(int))]
+    masks = [labels.label_masks(T, PORT, CAMERA) for _, T in looks]
     size = CAMERA.size_px[::-1]
     return {
-        kind: np.array([i for i, _ in found]).reshape(-1, *size, *([3] if kind == "rgb" else [])),
+        kind: np.array([i for i, _ in looks]).reshape(-1, *size, *([3] if kind == "rgb" else [])),
         f"{kind} masks": np.array(masks, bool).reshape(-1, 2, *size),
-        f"{kind} rotation": np.array([T.rotation for _, T in found]).reshape(-1, 3, 3),
-        f"{kind} position_m": np.array([T.position_m for _, T in found]).reshape(-1, 3),
+        f"{kind} rotation": np.array([T.rotation for _, T in looks]).reshape(-1, 3, 3),
+        f"{kind} position_m": np.array([T.position_m for _, T in looks]).reshape(-1, 3),
     }
 
 

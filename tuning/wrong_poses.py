@@ -104,17 +104,17 @@ def recorded(name: str) -> Recording:
 
 def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
     """Images with the ring in view and their true poses, evenly over the recording, by kind."""
-    span_us, found = recording.truth.t_us, []
+    span_us, pairs = recording.truth.t_us, []
     for shot in timed_images(recording, modality):
         if modality == "event" and not shot.wider:
             continue
         both = [(shot.t_us, shot.image), *([shot.wider] if shot.wider else [])]
         truths = [recording.truth.at(np.clip([t], span_us[0], span_us[-1]))[0] for t, _ in both]
         if in_view(truths[0], PORT, CAMERA):
-            found.append([(image, T) for (_, image), T in zip(both, truths, strict=True)])
-    found = [found[i] for i in np.unique(np.linspace(0, len(found) - 1, min(EACH, len(found))).astype(int))]
+            pairs.append([(image, T) for (_, image), T in zip(both, truths, strict=True)])
+    pairs = [pairs[i] for i in np.unique(np.linspace(0, len(pairs) - 1, min(EACH, len(pairs))).astype(int))]
     kinds = [kind for kind in KINDS if kind.startswith(modality)]
-    return {kind: tuple(map(list, zip(*(f[k] for f in found), strict=True))) if found else ([], [])
+    return {kind: tuple(map(list, zip(*(f[k] for f in pairs), strict=True))) if pairs else ([], [])
             for k, kind in enumerate(kinds)}  # fmt: skip
 
 

@@ -139,17 +139,17 @@ def document(chapters: list[tuple[str, list[Tag]]], pages: dict[str, int]) -> st
 
 def first_pages(pdf: Path) -> dict[str, int]:
     """On which page each heading of the PDF's outline begins, the first of equal ones."""
-    reader, found = PdfReader(pdf), {}
+    reader, pages = PdfReader(pdf), {}
 
     def walk(items):
         for item in items:
             if isinstance(item, list):
                 walk(item)
             else:
-                found.setdefault(item.title.strip(), reader.get_destination_page_number(item) + 1)
+                pages.setdefault(item.title.strip(), reader.get_destination_page_number(item) + 1)
 
     walk(reader.outline)
-    return found
+    return pages
 
 
 def print_to(pdf: Path, page: Path) -> None:

@@ -64,16 +64,16 @@ def _changed(statement) -> set[str]:
 
 
 def _named(statement, imported: dict) -> set[str]:
-    found = set()
+    sources = set()
     for node in ast.walk(statement):
         if isinstance(node, ast.Name):
-            found |= _function(imported.get(node.id))
+            sources |= _function(imported.get(node.id))
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            found |= _function(getattr(imported.get(node.value.id), node.attr, None))
+            sources |= _function(getattr(imported.get(node.value.id), node.attr, None))
         elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-            found |= _path(node)
-    longest = {path for path in found if any(other.startswith(path + "/") for other in found)}
-    return found - longest
+            sources |= _path(node)
+    longest = {path for path in sources if any(other.startswith(path + "/") for other in sources)}
+    return sources - longest
 
 
 def _function(value) -> set[str]:
