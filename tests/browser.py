@@ -97,8 +97,8 @@ class Page:
 
     def requests(self) -> set[str]:
         """Addresses asked for since `open`, less those that are data."""
-        found = {event["request"]["url"] for event in self._events["Network.requestWillBeSent"]}
-        return {address for address in found if not address.startswith(("data:", "blob:"))}
+        addresses = {event["request"]["url"] for event in self._events["Network.requestWillBeSent"]}
+        return {address for address in addresses if not address.startswith(("data:", "blob:"))}
 
     def complaints(self) -> list[str]:
         """Errors of the console since `open`, and exceptions that nobody caught."""

@@ -45,11 +45,11 @@ class Anchors(HTMLParser):
         self.feed(page.read_text())
 
     def handle_starttag(self, tag, attributes):
-        found = dict(attributes)
-        self.places |= {found[key] for key in ("id", "name") if found.get(key)}
+        values = dict(attributes)
+        self.places |= {values[key] for key in ("id", "name") if values.get(key)}
         if tag == "img":
-            self.images.append((found.get("src", ""), found.get("alt")))
-        self.links += [found[key] for key in ("href", "src") if found.get(key)]
+            self.images.append((values.get("src", ""), values.get("alt")))
+        self.links += [values[key] for key in ("href", "src") if values.get(key)]
 
 
 @functools.cache
@@ -97,13 +97,13 @@ class Figures(HTMLParser):
         self.feed(page.read_text())
 
     def handle_starttag(self, tag, attributes):
-        found = dict(attributes)
+        values = dict(attributes)
         self._depth += tag == "figure"
         self._in_caption |= tag == "figcaption"
         if tag == "figcaption":
             self.captions.append("")
-        if tag == "img" and "_images/" in found.get("src", "") and not self._depth:
-            self.bare.append(found["src"])
+        if tag == "img" and "_images/" in values.get("src", "") and not self._depth:
+            self.bare.append(values["src"])
 
     def handle_endtag(self, tag):
         self._depth -= tag == "figure"
@@ -232,7 +232,7 @@ RING_LAB = {"tilt_deg": 35, "toward_deg": 20, "distance_m": 0.4, "u_px": 120, "v
 def test_the_interactive_ring_computes_what_the_module_computes(page, site, change):
     page.open(site + "book/circles.html")
     state = RING_LAB | change
-    told = page.ask(f"RingLab.solve({json.dumps(state)})")
+    solution = page.ask(f"RingLab.solve({json.dumps(state)})")
     focal_px = state["lens_mm"] / 6 * 6e-3 / 18.5e-6
     camera = Camera(346, 260, focal_px, focal_px, 172.5, 129.5)
     radius_m = 0.08 * (6 / state["lens_mm"] if state["same_image"] else 1)
@@ -243,11 +243,11 @@ def test_the_interactive_ring_computes_what_the_module_computes(page, site, chan
     seen = circle_ellipse(truth, radius_m, camera)
     exact, printed = (f(seen, camera, radius_m) for f in (circle.poses, circle.paper_poses))
     off_deg = [np.rad2deg(np.sort(normal_error_rad(poses, truth))) for poses in (exact, printed)]
-    np.testing.assert_allclose(told["seen"]["centre"], seen.centre_px, atol=1e-6)
-    np.testing.assert_allclose(told["seen"]["semi"], seen.semi_axes_px, atol=1e-6)
-    np.testing.assert_allclose([told["exact_deg"], told["twin_deg"]], off_deg[0], atol=1e-4)
-    np.testing.assert_allclose(told["printed_deg"], off_deg[1][0], atol=1e-4)
-    np.testing.assert_allclose(told["printed"]["p"], printed.position_m[0], atol=1e-9)
+    np.testing.assert_allclose(solution["seen"]["centre"], seen.centre_px, atol=1e-6)
+    np.testing.assert_allclose(solution["seen"]["semi"], seen.semi_axes_px, atol=1e-6)
+    np.testing.assert_allclose([solution["exact_deg"], solution["twin_deg"]], off_deg[0], atol=1e-4)
+    np.testing.assert_allclose(solution["printed_deg"], off_deg[1][0], atol=1e-4)
+    np.testing.assert_allclose(solution["printed"]["p"], printed.position_m[0], atol=1e-9)
 
 
 @in_browser

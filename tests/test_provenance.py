@@ -21,8 +21,8 @@ def test_json_round_trip_with_provenance(tmp_path):
 
 
 def test_two_writes_are_byte_identical(tmp_path):
-    one, two = (results.save_json(tmp_path / n, {"b": 1, "a": 2}).read_bytes() for n in "ab")
-    assert one == two
+    first, second = (results.save_json(tmp_path / n, {"b": 1, "a": 2}).read_bytes() for n in "ab")
+    assert first == second
 
 
 def test_table_round_trip(tmp_path):

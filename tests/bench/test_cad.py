@@ -27,9 +27,9 @@ def look_down(x, y, height=1.0):
     ],
 )
 def test_straight_down(x, y, surface, height):
-    found_height, found, normal = look_down(x, y)
-    assert found == surface
-    assert found_height == pytest.approx(height, abs=1e-9)
+    hit_height, hit_surface, normal = look_down(x, y)
+    assert hit_surface == surface
+    assert hit_height == pytest.approx(height, abs=1e-9)
     assert normal == [0, 0, 1]
 
 
@@ -59,11 +59,11 @@ def test_three_fold_symmetry(rng):
         eye = rng.uniform([-0.3, -0.3, 0.2], [0.3, 0.3, 0.8])
         ray = rng.uniform([-0.1, -0.1, 0], [0.1, 0.1, 0.05]) - eye
         ray /= np.linalg.norm(ray)
-        one = cad.hit_port(SOLID, *eye, *ray, np.inf)
-        two = cad.hit_port(SOLID, *(turn @ eye), *(turn @ ray), np.inf)
-        assert one[1] == two[1]
-        if one[1] != cad.NOTHING:
-            assert one[0] == pytest.approx(two[0], abs=1e-9)
+        hit = cad.hit_port(SOLID, *eye, *ray, np.inf)
+        turned_hit = cad.hit_port(SOLID, *(turn @ eye), *(turn @ ray), np.inf)
+        assert hit[1] == turned_hit[1]
+        if hit[1] != cad.NOTHING:
+            assert hit[0] == pytest.approx(turned_hit[0], abs=1e-9)
 
 
 def test_bounding_sphere_loses_nothing(rng):

@@ -124,8 +124,8 @@ def test_leak_and_shot_noise_have_their_rates():
 def test_refractory_period_bounds_the_rate():
     sensor = replace(IDEAL, refractory_s=0.002)
     events = run(sensor, [flat(50 * np.exp(0.5 * i)) for i in range(21)])
-    one = events[(events["x"] == 0) & (events["y"] == 0)]["t_us"]
-    assert np.diff(one).min() >= 2000 - 2
+    times_us = events[(events["x"] == 0) & (events["y"] == 0)]["t_us"]
+    assert np.diff(times_us).min() >= 2000 - 2
 
 
 def test_time_must_increase():
@@ -223,15 +223,15 @@ def test_shot_noise_does_not_depend_on_the_rendering_rate():
 
 def test_leak_fires_on_events_one_period_apart():
     events = run(replace(IDEAL, leak_hz=10.0), [flat(50.0)] * 550, step_us=1000)
-    one = events[(events["x"] == 7) & (events["y"] == 3)]["t_us"]
-    assert np.diff(one) == pytest.approx(100_000, abs=1001)  # to one render
+    times_us = events[(events["x"] == 7) & (events["y"] == 3)]["t_us"]
+    assert np.diff(times_us) == pytest.approx(100_000, abs=1001)  # to one render
 
 
 def test_refractory_period_is_the_only_thing_lost():
     """A ramp of one threshold a millisecond; a pause of 2.5 ms leaves about every third event."""
     ramp = [flat(50 * np.exp(0.2001 * i)) for i in range(31)]
     free, held = run(IDEAL, ramp), run(replace(IDEAL, refractory_s=0.0025), ramp)
-    one = held[(held["x"] == 0) & (held["y"] == 0)]["t_us"]
-    assert np.diff(one).min() >= 2500 - 2
+    times_us = held[(held["x"] == 0) & (held["y"] == 0)]["t_us"]
+    assert np.diff(times_us).min() >= 2500 - 2
     assert len(free) == 30 * 24 * 32
-    assert 30 / 4 <= len(one) <= 30 / 2.5 + 1
+    assert 30 / 4 <= len(times_us) <= 30 / 2.5 + 1

@@ -107,8 +107,8 @@ def test_markers_corners_are_drawn_where_they_project(where, camera, petals):
     centres = corners.mean(1, keepdims=True)
     seen = visible(solid, T, (corners + 1e-4 * (centres - corners)).reshape(-1, 3)).reshape(3, 4)
     _, _, markers, to_pixels = finely(solid, T, camera, 0.055, PORT.plate_height_m)
-    found = np.concatenate([corners_of(outline) for outline in outlines(markers, to_pixels)])
-    distance, _ = cKDTree(found).query(project(T @ corners.reshape(-1, 3), camera))
+    drawn = np.concatenate([corners_of(outline) for outline in outlines(markers, to_pixels)])
+    distance, _ = cKDTree(drawn).query(project(T @ corners.reshape(-1, 3), camera))
     assert np.all(seen) or petals
     assert seen.sum() >= 4
     assert distance[seen.ravel()].max() < TOLERANCE_PX

@@ -128,9 +128,9 @@ def test_lamp_with_a_size_is_the_mean_over_its_disc(roughness, rng):
     disc = 0.06 * np.sqrt((np.arange(2000) + 0.5) / 2000) * np.exp(2j * np.pi * 0.618034 * np.arange(2000))
     points = np.stack([disc.real, disc.imag, 0 * disc.real], -1)
     many = panel_skin(skin, renderer.Lamps(points, np.full((2000, 3), 1 / 2000), np.zeros(2000)))
-    one = panel_skin(skin, lamp([0, 0, 0])._replace(radius_m=np.full(1, 0.06)))
+    wide = panel_skin(skin, lamp([0, 0, 0])._replace(radius_m=np.full(1, 0.06)))
     point = panel_skin(skin, lamp([0, 0, 0]))
-    assert one == pytest.approx(many, rel=0.03)
+    assert wide == pytest.approx(many, rel=0.03)
     assert point[20, 30, 0] > (1 + (0.5 * 0.06 / 0.509 / roughness) ** 2) * 0.98 * many[20, 30, 0]
 
 
@@ -174,10 +174,10 @@ def test_a_third_of_a_turn_changes_nothing():
 
 def test_mirrored_light_gives_the_mirrored_picture():
     """The port is its own mirror image about the plane through marker 0."""
-    one, other = (whole(lamp([0.2, y, 0.1], 3.0), FRONTAL, DAVIS) for y in (0.35, -0.35))
-    for a, b in zip(one, other, strict=True):
+    pictures, mirrored = (whole(lamp([0.2, y, 0.1], 3.0), FRONTAL, DAVIS) for y in (0.35, -0.35))
+    for a, b in zip(pictures, mirrored, strict=True):
         assert np.mean(~np.isclose(a, b[::-1], rtol=1e-4, atol=1e-5)) < 2e-4
-    assert np.mean(~np.isclose(one[0], other[0], rtol=1e-2)) > 0.2  # the lamp does matter
+    assert np.mean(~np.isclose(pictures[0], mirrored[0], rtol=1e-2)) > 0.2  # the lamp does matter
 
 
 def test_the_ring_too_falls_with_the_square_of_distance():

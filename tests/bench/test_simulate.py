@@ -13,9 +13,9 @@ def test_two_processes_write_what_one_call_returns(tmp_path):
     done = list(simulate.record_all(jobs, workers=2))
     assert [path for path, *_ in done] == [job[2] for job in jobs]
     for (name, seconds, path), (_, events, frames) in zip(jobs, done, strict=True):
-        found, wanted = open_recording(path), sequences.simulate(name, seconds)
-        assert np.array_equal(found.events, wanted.events) and len(wanted.events) == events
-        assert np.array_equal(found.frames, wanted.frames) and len(wanted.frames) == frames
+        written, wanted = open_recording(path), sequences.simulate(name, seconds)
+        assert np.array_equal(written.events, wanted.events) and len(wanted.events) == events
+        assert np.array_equal(written.frames, wanted.frames) and len(wanted.frames) == frames
     assert not list(tmp_path.glob("*.parts"))
 
 

@@ -30,8 +30,8 @@ every_chapter = pytest.mark.parametrize("page", CHAPTERS, ids=lambda page: page.
 
 def cells(page: Path) -> list[str]:
     """Source of a page's code cells, without their options."""
-    found = re.findall(r"^(`{3,}|:{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
-    return [re.sub(r"\A(:[^\n]*\n)+|\A---\n.*?\n---\n", "", body, flags=re.S) for _, body in found]
+    matches = re.findall(r"^(`{3,}|:{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
+    return [re.sub(r"\A(:[^\n]*\n)+|\A---\n.*?\n---\n", "", body, flags=re.S) for _, body in matches]
 
 
 def code(page: Path) -> ast.Module:
@@ -148,15 +148,15 @@ def test_page_one_links_to_the_binder_of_a_repository_that_is_named():
     assert sum(f"`{BINDER}`" in page.read_text() for page in PAGES) == 1
     assert f"`{BINDER}`" in (ROOT / "book" / "intro.md").read_text()
     for repository in (None, "https://example.org/you/lmmap"):
-        told, text = nodes.section(), nodes.paragraph("", "")
-        told += text
+        section, text = nodes.section(), nodes.paragraph("", "")
+        section += text
         text += [nodes.Text("Open "), nodes.literal(text=BINDER), nodes.Text(".")]
         config = SimpleNamespace(html_theme_options={"repository_url": repository})
-        link_binder(SimpleNamespace(config=config), told)
-        links = [node["refuri"] for node in told.findall(nodes.reference)]
+        link_binder(SimpleNamespace(config=config), section)
+        links = [node["refuri"] for node in section.findall(nodes.reference)]
         named = ["https://mybinder.org/v2/git/https%3A%2F%2Fexample.org%2Fyou%2Flmmap/HEAD"]
         assert links == (named if repository else [])
-        assert ("ADDRESS" in told.astext()) == (repository is None)
+        assert ("ADDRESS" in section.astext()) == (repository is None)
 
 
 def test_binder_installs_the_pins():

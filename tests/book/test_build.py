@@ -92,10 +92,10 @@ def test_two_builds_in_two_places_are_equal_byte_by_byte(book, tmp_path_factory)
     for place in (book, other):
         code, said = build(place, "1")
         assert code == 0, said
-    one, two = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()}
+    first, second = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()}
                 for html in (book / "_build" / "html", other / "_build" / "html"))  # fmt: skip
-    assert "error (mm)" in one[Path("book/page.html")].decode()
-    assert "_sources/book/page.ipynb" in one[Path("book/page.html")].decode()
-    assert "It is 1" in one[Path("_sources/book/page.ipynb")].decode()  # the number, not its markup
-    assert any(path.suffix == ".png" and path.parts[0] == "_images" for path in one)
-    assert one.keys() == two.keys() and [path for path in one if one[path] != two[path]] == []
+    assert "error (mm)" in first[Path("book/page.html")].decode()
+    assert "_sources/book/page.ipynb" in first[Path("book/page.html")].decode()
+    assert "It is 1" in first[Path("_sources/book/page.ipynb")].decode()  # the number, not its markup
+    assert any(path.suffix == ".png" and path.parts[0] == "_images" for path in first)
+    assert first.keys() == second.keys() and [path for path in first if first[path] != second[path]] == []

@@ -32,10 +32,10 @@ def test_a_figure_has_the_sources_of_its_variables_and_no_others():
     first = "r = open_recording(DATA / 'a')\nsome = []"
     cells = [IMPORTS, first, loop, "ax = drawings.strip(r)", "plt.plot(some)", "ax = 1\nplt.plot(ax)"]
     of_r = {"lmmap.recordings.formats.open_recording", "data/a"}
-    found = sources(cells)
-    assert found[3] == of_r | {"lmmap.pages.drawings.strip"}
-    assert found[4] == of_r | {"lmmap.geometry.projection.project"}
-    assert found[5] == set()
+    by_cell = sources(cells)
+    assert by_cell[3] == of_r | {"lmmap.pages.drawings.strip"}
+    assert by_cell[4] == of_r | {"lmmap.geometry.projection.project"}
+    assert by_cell[5] == set()
 
 
 def test_a_variable_assigned_anew_forgets_what_it_was():

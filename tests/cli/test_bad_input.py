@@ -228,8 +228,8 @@ def test_nothing_in_the_module_can_unpickle():
     net_eval = re.compile(r"\.eval\(\)|def eval\(")  # a network's mode; the name of Mitsuba's method
     for path in [*(ROOT / "lmmap").rglob("*.py"), *(ROOT / "benchmarks").glob("*.py")]:
         lines = path.read_text().splitlines()
-        found = [line for line in lines if word.search(net_eval.sub("", line))]
-        assert not found, f"{path.name}: {found}"
+        matches = [line for line in lines if word.search(net_eval.sub("", line))]
+        assert not matches, f"{path.name}: {matches}"
 
 
 def test_a_shipped_weight_file_loads():

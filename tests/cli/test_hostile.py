@@ -208,8 +208,8 @@ def test_studies_change_no_file_that_they_were_not_told_to_write(name, tmp_path,
         (tmp_path / "training").mkdir()
         for folder in samples:
             folder.rename(tmp_path / "training" / folder.name)
-        one = torch.zeros(1, 1, 32, 32)
-        monkeypatch.setattr(train, "make_batch", lambda *_: (one, one))
+        blank = torch.zeros(1, 1, 32, 32)
+        monkeypatch.setattr(train, "make_batch", lambda *_: (blank, blank))
     files = subprocess.run(["git", "ls-files", "-z"], capture_output=True, cwd=ROOT, text=True).stdout
     files = [ROOT / name for name in files.split("\0") if name and (ROOT / name).is_file()]
     before, inputs = hashes(files), attacks.digests(tmp_path)

@@ -97,8 +97,8 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
         assert run(capsys, *argv, whole)[0] == 0
         add, calls = Journal.add, []
 
-        def interrupted(self, one, add=add, calls=calls):
-            calls.append(add(self, one))
+        def interrupted(self, estimate, add=add, calls=calls):
+            calls.append(add(self, estimate))
             if len(calls) == 3:
                 raise KeyboardInterrupt
 
@@ -161,8 +161,8 @@ def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
 
     add, calls = Journal.add, []
 
-    def interrupted(self, one):
-        calls.append(add(self, one))
+    def interrupted(self, estimate):
+        calls.append(add(self, estimate))
         if len(calls) == 9:
             raise KeyboardInterrupt
 
@@ -220,12 +220,12 @@ def test_poses_between_images_need_a_track_by_events(tmp_path, capsys, extra, sa
 
 def test_evaluate_has_all_three(capsys):
     code, out, _ = run(capsys, "evaluate", MINI, "--rate", "10", "--json")
-    found = json.loads(out)
-    assert code == 0 and list(found) == ["rgb", "event", "fused"]
-    assert found["fused"]["detected_of_all_percent"] >= found["event"]["detected_of_all_percent"]
-    assert found["fused"]["paper_formula_position_median_mm"] is None
+    report = json.loads(out)
+    assert code == 0 and list(report) == ["rgb", "event", "fused"]
+    assert report["fused"]["detected_of_all_percent"] >= report["event"]["detected_of_all_percent"]
+    assert report["fused"]["paper_formula_position_median_mm"] is None
     only = json.loads(run(capsys, "evaluate", MINI, "--rate", "10", "--modality", "fused", "--json")[1])
-    assert only == {"fused": found["fused"]}
+    assert only == {"fused": report["fused"]}
 
 
 def test_as_printed_is_the_paper_s_procedure(capsys):

@@ -41,9 +41,9 @@ def points_of(e, seed, count=200, noise_px=0.0):
 def test_opencv_fits_the_same_ellipse(e, seed):
     points = points_of(e, seed)
     (u, v), diameters, _ = cv2.fitEllipseDirect(points.astype(np.float32))
-    found = ellipse.fit(points)
-    np.testing.assert_allclose(found.centre_px, (u, v), atol=5e-3)
-    np.testing.assert_allclose(np.sort(found.semi_axes_px), np.sort(diameters) / 2, atol=5e-3)
+    fitted = ellipse.fit(points)
+    np.testing.assert_allclose(fitted.centre_px, (u, v), atol=5e-3)
+    np.testing.assert_allclose(np.sort(fitted.semi_axes_px), np.sort(diameters) / 2, atol=5e-3)
 
 
 @settings(max_examples=15)
@@ -51,7 +51,7 @@ def test_opencv_fits_the_same_ellipse(e, seed):
 def test_our_fit_is_as_near_to_noisy_points_as_scikit_images(e, seed):
     """Judged by scikit-image's own geometric residuals, and to second order in the noise."""
     points = points_of(e, seed, noise_px=0.3)
-    theirs, found = EllipseModel.from_estimate(points), ellipse.fit(points)
-    ours = EllipseModel(found.centre_px, found.semi_axes_px, float(found.angle_rad))
+    theirs, fitted = EllipseModel.from_estimate(points), ellipse.fit(points)
+    ours = EllipseModel(fitted.centre_px, fitted.semi_axes_px, float(fitted.angle_rad))
     rms = [np.sqrt(np.mean(model.residuals(points) ** 2)) for model in (ours, theirs)]
     assert rms[0] <= rms[1] * 1.001

@@ -17,8 +17,8 @@ def test_differences_are_counted(compared):
     ends = dict(ours_low=compared.table1 + 1, ours_high=compared.table1 + 3)
     counts = accuracy_page.difference_counts(compared.assign(ours=compared.table1 + 2, **ends)).data
     counts = counts["low domain gap"]
-    found = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
-    assert counts.better.tolist() == (6 * found).tolist() and counts.worse.tolist() == (6 * ~found).tolist()
+    rates = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
+    assert counts.better.tolist() == (6 * rates).tolist() and counts.worse.tolist() == (6 * ~rates).tolist()
 
 
 def test_an_ellipse_without_markers_is_found_as_the_paper_counts(compared):

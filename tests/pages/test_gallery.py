@@ -22,11 +22,11 @@ def folder_of(tmp_path):
     for k, (label, (_, modality)) in enumerate(LABELS.items()):
         times = [t_us for t_us, _ in images(recording, modality, rate_hz=5)]
         truth = recording.truth.at(np.array(times))
-        found = [
+        estimates = [
             Estimate(t, Status.OK, truth[i]) if i % 2 else Estimate(t, Status.NO_RING)
             for i, t in enumerate(times)
         ]
-        write_estimates(found, tmp_path / f"estimates-{label}.csv")
+        write_estimates(estimates, tmp_path / f"estimates-{label}.csv")
         error = [0.001 * i + 0.1 * k if i % 2 else np.nan for i in range(len(times))]
         table = pd.DataFrame({"t_us": times, "status": "ok", "in_view": True, "position_error_m": error})
         table.loc[1, "in_view"] = False

@@ -10,9 +10,9 @@ from lmmap.types import Port
 
 
 def test_a_drawing_shows_the_ring_by_hand_and_the_ellipse_widened_to_its_edge():
-    found = {"ellipse": [50, 40, 20, 15, 0.0], "mask": ["30,30 60,30 60,50"], "status": "ok"}
+    fitted = {"ellipse": [50, 40, 20, 15, 0.0], "mask": ["30,30 60,30 60,50"], "status": "ok"}
     lost = {"ellipse": None, "mask": [], "status": "no_ring"}
-    outlines = {"a": {"outer": [50, 40, 22, 16, 0.0], "high": found, "low": found, "robust": lost}}
+    outlines = {"a": {"outer": [50, 40, 22, 16, 0.0], "high": fitted, "low": fitted, "robust": lost}}
     fig = real_port_page.draw_outlines(outlines, {"a": "a picture"})
     assert [ax.get_title() for ax in fig.axes] == ["a picture\nhigh", "low", "robust"]
     assert [len(ax.lines) for ax in fig.axes] == [2, 2, 1]

@@ -134,8 +134,8 @@ def test_numbers_within_words_are_numbers():
     table = pd.DataFrame(
         {"claim": ["a is better", "b is"], "ours": ["12.5 | 3.1 mm", "nan"], "holds": ["yes", "no"]}
     )
-    found = table_numbers(table)
-    assert found["a is better ours"] == "12.5 | 3.1 mm" and found["b is holds"] == "no"
+    numbers = table_numbers(table)
+    assert numbers["a is better ours"] == "12.5 | 3.1 mm" and numbers["b is holds"] == "no"
     assert (
         deviation("x", "12.5 | 3.1 mm", "12.6 | 3.1 mm")
         < 1

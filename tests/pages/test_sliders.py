@@ -96,5 +96,5 @@ def test_an_image_that_steps_share_is_written_once_and_where_the_slider_starts()
     steps = [sliders.Step(f"{k}", "", image, ()) for k, image in enumerate([dark, dark, light])]
     tree = ElementTree.fromstring(sliders.Slider(steps, "k", start=1).html())
     images, uses = ([view.findall(f"svg/{tag}") for view in tree.findall("div")] for tag in ("image", "use"))
-    assert [len(found) for found in images] == [0, 1, 1] and [len(found) for found in uses] == [1, 0, 0]
+    assert [len(nodes) for nodes in images] == [0, 1, 1] and [len(nodes) for nodes in uses] == [1, 0, 0]
     assert uses[0][0].get("href") == "#" + images[1][0].get("id")

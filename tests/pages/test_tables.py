@@ -38,10 +38,10 @@ def test_no_name_of_the_code_is_left(compared):
 
 
 def test_a_styled_table_has_the_same_bytes_each_time_and_identifiers_of_its_own():
-    one, other = pd.DataFrame({"a": [1.0, 2.0]}), pd.DataFrame({"a": [1.0, 3.0]})
-    assert one.style.to_html() != one.style.to_html()  # pandas draws a new identifier
-    assert tables.to_html(one.style) == tables.to_html(one.style)
-    identifiers = [tables.to_html(t.style).split('<table id="')[1].split('"')[0] for t in (one, other)]
+    first, second = pd.DataFrame({"a": [1.0, 2.0]}), pd.DataFrame({"a": [1.0, 3.0]})
+    assert first.style.to_html() != first.style.to_html()  # pandas draws a new identifier
+    assert tables.to_html(first.style) == tables.to_html(first.style)
+    identifiers = [tables.to_html(t.style).split('<table id="')[1].split('"')[0] for t in (first, second)]
     assert len(set(identifiers)) == 2
 
 

@@ -60,9 +60,9 @@ def test_poses_are_proper_and_face_the_camera(solve, ellipse):
 @both
 @given(ellipse=ellipses(max_ratio=0.9), scale=st.floats(0.1, 10))
 def test_a_ring_twice_as_large_is_twice_as_far(solve, ellipse, scale):
-    one, scaled = solve(ellipse, CAMERA, NU), solve(ellipse, CAMERA, NU * scale)
-    np.testing.assert_allclose(scaled.position_m, one.position_m * scale, rtol=1e-9)
-    np.testing.assert_allclose(scaled.rotation, one.rotation, atol=1e-9)
+    poses, scaled = solve(ellipse, CAMERA, NU), solve(ellipse, CAMERA, NU * scale)
+    np.testing.assert_allclose(scaled.position_m, poses.position_m * scale, rtol=1e-9)
+    np.testing.assert_allclose(scaled.rotation, poses.rotation, atol=1e-9)
 
 
 @both
@@ -105,9 +105,9 @@ def test_ellipses_come_in_batches_of_any_shape():
     batch = Pose(np.broadcast_to(T.rotation, (2, 5, 3, 3)), np.broadcast_to(T.position_m, (2, 5, 3)))
     for solve in (circle.poses, circle.paper_poses):
         solved = solve(conics.circle_ellipse(batch, NU, CAMERA), CAMERA, NU)
-        one = solve(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
+        single = solve(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
         assert solved.position_m.shape == (2, 5, 2, 3)
-        np.testing.assert_allclose(solved.rotation[1, 3], one.rotation, atol=1e-12)
+        np.testing.assert_allclose(solved.rotation[1, 3], single.rotation, atol=1e-12)
 
 
 @given(visible_poses(min_tilt_deg=3))

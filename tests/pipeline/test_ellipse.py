@@ -24,11 +24,11 @@ def arc(e: Ellipse, rng, count=300, share=1.0, noise_px=0.0):
     return e.points(3600)[picked] + noise_px * rng.standard_normal((count, 2))
 
 
-def close(found, e: Ellipse) -> bool:
+def close(fit, e: Ellipse) -> bool:
     return (
-        found is not None
-        and np.linalg.norm(found.centre_px - e.centre_px) < 2
-        and np.all(np.abs(found.semi_axes_px / e.semi_axes_px - 1) < 0.03)
+        fit is not None
+        and np.linalg.norm(fit.centre_px - e.centre_px) < 2
+        and np.all(np.abs(fit.semi_axes_px / e.semi_axes_px - 1) < 0.03)
     )
 
 
@@ -46,9 +46,9 @@ def success(ransac, share, outliers, trials, settings=ANY_ARC):
 
 @given(ellipses(max_ratio=0.97), seeds())
 def test_points_of_an_ellipse_give_it_back(e, seed):
-    found = ellipse.fit(arc(e, np.random.default_rng(seed), 40))
-    np.testing.assert_allclose(found.centre_px, e.centre_px, atol=1e-6)
-    np.testing.assert_allclose(found.semi_axes_px, e.semi_axes_px, atol=1e-6)
+    fit = ellipse.fit(arc(e, np.random.default_rng(seed), 40))
+    np.testing.assert_allclose(fit.centre_px, e.centre_px, atol=1e-6)
+    np.testing.assert_allclose(fit.semi_axes_px, e.semi_axes_px, atol=1e-6)
 
 
 @given(ellipses(), seeds(), st.floats(-np.pi, np.pi), st.floats(0.2, 5), st.floats(-500, 500))
@@ -64,14 +64,14 @@ def test_the_fit_has_the_least_geometric_distance_of_all_nearby():
     rng = np.random.default_rng(3)
     e = Ellipse([150, 120], [60, 35], 0.5)
     points = arc(e, rng, 200, 0.6, 0.7)
-    found = ellipse.fit(points)
+    fit = ellipse.fit(points)
 
     def cost(candidate):
         contour = candidate.points(20_000)
         return sum(np.min(np.sum((contour - p) ** 2, 1)) for p in points)
 
-    best = cost(found)
-    values = np.array([*found.centre_px, *found.semi_axes_px, found.angle_rad])
+    best = cost(fit)
+    values = np.array([*fit.centre_px, *fit.semi_axes_px, fit.angle_rad])
     for k, step in enumerate([0.3, 0.3, 0.3, 0.3, 0.01]):
         for sign in (-1, 1):
             moved = values + sign * step * np.eye(5)[k]
@@ -131,15 +131,15 @@ def test_inliers_are_the_points_near_the_ellipse():
     e = Ellipse([150, 120], [60, 35], 0.5)
     points = np.concatenate([arc(e, rng, 200, noise_px=0.3), rng.uniform(0, 20, (50, 2))])
     for ransac in (ellipse.fit_ransac, ellipse.paper_ransac):
-        found, inliers = ransac(points, np.random.default_rng(1))
+        fit, inliers = ransac(points, np.random.default_rng(1))
         assert inliers.tolist() == [True] * 200 + [False] * 50
-        assert close(found, e)
+        assert close(fit, e)
 
 
 def test_the_same_seed_gives_the_same_ellipse():
     points = arc(Ellipse([150, 120], [60, 35], 0.5), np.random.default_rng(0), 300, noise_px=1)
-    one, two = (ellipse.fit_ransac(points, np.random.default_rng(5))[0] for _ in range(2))
-    np.testing.assert_array_equal(one.points(), two.points())
+    first, second = (ellipse.fit_ransac(points, np.random.default_rng(5))[0] for _ in range(2))
+    np.testing.assert_array_equal(first.points(), second.points())
 
 
 def nowhere(rng):
@@ -153,10 +153,10 @@ def nowhere(rng):
 @pytest.mark.parametrize("ransac", [ellipse.fit_ransac, ellipse.paper_ransac])
 def test_where_there_is_no_ellipse_the_answer_is_quiet(ransac, points):
     settings = replace(OURS, ransac_hypotheses=100)
-    found, inliers = ransac(points, np.random.default_rng(0), settings)
+    fit, inliers = ransac(points, np.random.default_rng(0), settings)
     assert inliers.shape == (len(points),)
     assert inliers.dtype == bool
-    assert found is None or ransac is ellipse.paper_ransac  # the paper has no gate on arc coverage
+    assert fit is None or ransac is ellipse.paper_ransac  # the paper has no gate on arc coverage
 
 
 def test_gates_refuse_small_flat_and_short():
@@ -210,10 +210,10 @@ def degenerate(rng):
 
 @pytest.mark.parametrize("points", list(degenerate(np.random.default_rng(0))))
 def test_degenerate_points_give_no_nan(points):
-    found, inliers = ellipse.fit_ransac(
+    robust_fit, inliers = ellipse.fit_ransac(
         points, np.random.default_rng(0), replace(OURS, ransac_hypotheses=100)
     )
-    assert found is None
+    assert robust_fit is None
     assert not inliers.any()
     try:
         fitted = ellipse.fit(points)

@@ -41,9 +41,9 @@ def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(modality, corn
 @pytest.mark.parametrize("step_px", [(0.0, 0.0), (4.0, -3.0), (-5.0, 2.0)])
 def test_from_nearby_the_same_contour_is_reached(step_px):
     start = Ellipse(RING.centre_px + step_px, 1.03 * RING.semi_axes_px, RING.angle_rad)
-    found, coverage = follow(start, MASK, WIDTH_PX, CAMERA)
-    np.testing.assert_allclose(found.ellipse.centre_px, RING.centre_px, atol=0.15)
-    np.testing.assert_allclose(found.ellipse.semi_axes_px, RING.semi_axes_px, atol=0.15)
+    contour, coverage = follow(start, MASK, WIDTH_PX, CAMERA)
+    np.testing.assert_allclose(contour.ellipse.centre_px, RING.centre_px, atol=0.15)
+    np.testing.assert_allclose(contour.ellipse.semi_axes_px, RING.semi_axes_px, atol=0.15)
     assert coverage > 0.95
 
 

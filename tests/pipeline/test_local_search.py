@@ -26,11 +26,11 @@ def drawn(e: Ellipse, clutter: int = 0, rng=None):
     return cv2.GaussianBlur(mask / np.float32(255), (0, 0), 0.8)
 
 
-def close(found, e: Ellipse) -> bool:
+def close(fit, e: Ellipse) -> bool:
     return (
-        found is not None
-        and np.linalg.norm(found.centre_px - e.centre_px) < 2
-        and np.allclose(found.semi_axes_px, e.semi_axes_px, rtol=0.04)
+        fit is not None
+        and np.linalg.norm(fit.centre_px - e.centre_px) < 2
+        and np.allclose(fit.semi_axes_px, e.semi_axes_px, rtol=0.04)
     )
 
 
@@ -51,9 +51,9 @@ def test_where_there_is_only_a_ring_both_searches_find_it(e):
 
 
 def test_among_clutter_the_local_search_finds_what_the_global_one_misses():
-    found = np.array([[close(f, RING) for f in searched(drawn(RING, 15, np.random.default_rng(k)), k)]
+    hits = np.array([[close(f, RING) for f in searched(drawn(RING, 15, np.random.default_rng(k)), k)]
                       for k in range(8)])  # fmt: skip
-    local, anywhere = found.mean(0)
+    local, anywhere = hits.mean(0)
     assert local == 1 and anywhere < 0.5
 
 
@@ -89,5 +89,5 @@ def test_contrast_is_one_on_a_clean_ring_and_falls_with_a_filled_one():
 def test_no_points_and_one_point_are_no_ellipse():
     mask, rng = drawn(RING), np.random.default_rng(0)
     for points in (np.zeros((0, 2)), np.ones((9, 2))):
-        found, inliers = local_search.fit_local(points, mask, rng, CAMERA, replace(OURS, min_contrast=0.0))
-        assert found is None and inliers.shape == (len(points),) and not inliers.any()
+        fit, inliers = local_search.fit_local(points, mask, rng, CAMERA, replace(OURS, min_contrast=0.0))
+        assert fit is None and inliers.shape == (len(points),) and not inliers.any()

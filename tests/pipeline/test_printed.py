@@ -72,9 +72,9 @@ def test_one_threshold_keeps_weak_blobs_too():
 
 def test_the_ellipse_is_the_drawn_one():
     estimator, ring, _ = drawn(T)
-    found, true = estimator.fit_ellipse(estimator.skeleton(ring)), circle_ellipse(T, NU, CAMERA)
-    np.testing.assert_allclose(found.centre_px, true.centre_px, atol=1.0)
-    np.testing.assert_allclose(found.semi_axes_px, true.semi_axes_px, atol=1.0)
+    fit, true = estimator.fit_ellipse(estimator.skeleton(ring)), circle_ellipse(T, NU, CAMERA)
+    np.testing.assert_allclose(fit.centre_px, true.centre_px, atol=1.0)
+    np.testing.assert_allclose(fit.semi_axes_px, true.semi_axes_px, atol=1.0)
 
 
 def test_centre_and_normals_are_the_printed_formulas():
@@ -106,10 +106,10 @@ def test_the_yaw_is_the_best_of_the_grid_on_both_normals():
     for degrees in (0, 7, 53, 119):
         turned = Pose(T.rotation @ rotation_z(-np.deg2rad(degrees)), T.position_m)
         both = Pose(np.stack([rival.rotation, turned.rotation]), np.stack([T.position_m] * 2))
-        found = estimator.find_yaw(markers, both).T_cam_port
-        step = turned.rotation.T @ found.rotation
+        best = estimator.find_yaw(markers, both).T_cam_port
+        step = turned.rotation.T @ best.rotation
         steps_deg = np.rad2deg(np.arctan2(step[1, 0], step[0, 0])) % 120
-        assert angle_deg(found.normal, T.normal) < 1e-6
+        assert angle_deg(best.normal, T.normal) < 1e-6
         assert min(abs(steps_deg - degrees), 120 - abs(steps_deg - degrees)) <= 1 + 1e-6
         assert steps_deg == pytest.approx(round(steps_deg), abs=1e-6)
 

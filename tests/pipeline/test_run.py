@@ -43,17 +43,17 @@ def answers(request, recording):
 
 
 def test_every_image_is_answered(recording, answers):
-    estimator, found = answers
+    estimator, estimates = answers
     expected = {"rgb": len(recording.frames), "event": len(recording.events) // PAPER.events_per_window}
-    assert len(found) == expected[estimator.modality] > 10
-    for e in found:
+    assert len(estimates) == expected[estimator.modality] > 10
+    for e in estimates:
         assert (e.T_cam_port is not None) == (e.status == Status.OK) == (e.rival is not None)
-    assert np.all(np.diff([e.t_us for e in found]) > 0)
+    assert np.all(np.diff([e.t_us for e in estimates]) > 0)
 
 
 def test_poses_are_near_the_truth_and_the_printed_formula_is_further(recording, answers):
-    _, found = answers
-    known, truth = true_poses(recording, found)
+    _, estimates = answers
+    known, truth = true_poses(recording, estimates)
     ok = np.array([e.status == Status.OK for e in known])
     seen = in_view(truth, answers[0].port, recording.camera)
     assert ok[seen].mean() > 0.7
@@ -66,14 +66,14 @@ def test_poses_are_near_the_truth_and_the_printed_formula_is_further(recording, 
 
 
 def test_an_answer_does_not_depend_on_those_before(recording, answers):
-    estimator, found = answers
+    estimator, estimates = answers
     t_us, image = list(images(recording, estimator.modality))[7]
     again = estimator(image, t_us)
-    assert again.status == found[7].status
+    assert again.status == estimates[7].status
     if again.T_cam_port is not None:
         # equal bits; but in float32 sums go by where arrays lie in memory
         atol = 1e-6 if estimator.ring_network.precision == "float32" else 0
-        assert np.allclose(again.T_cam_port.rotation, found[7].T_cam_port.rotation, rtol=0, atol=atol)
+        assert np.allclose(again.T_cam_port.rotation, estimates[7].T_cam_port.rotation, rtol=0, atol=atol)
 
 
 def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_sure_of(recording):
@@ -81,9 +81,9 @@ def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_
     ring = ideal_masks(T, estimator.port, recording.camera)[0]
     mask = np.float32(0.6) * ring
     mask[2:30, 2:30] = 1.0
-    found, coverage = estimator.find_ring(mask)
+    contour, coverage = estimator.find_ring(mask)
     expected = circle_ellipse(T, estimator.port.ring_radius_m, recording.camera)
-    assert np.allclose(found.ellipse.semi_axes_px, expected.semi_axes_px, atol=0.5) and coverage > 0.9
+    assert np.allclose(contour.ellipse.semi_axes_px, expected.semi_axes_px, atol=0.5) and coverage > 0.9
     assert estimator.find_ring(0 * mask) == (Status.NO_RING, 0.0)
     assert estimator.find_ring(np.where(ring, 0, mask))[0] in (Status.NO_RING, Status.NO_ELLIPSE)
 
@@ -149,20 +149,20 @@ def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
         shot = TimedImage(
             9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None
         )
-        image, one = estimate_image(estimator, shot)
-        assert one.t_us == taken and one.t_us in shot.times_us
-        assert one.status == statuses[image[0, 0]] and image[0, 0] == (wider if taken == 5 else first)
+        image, answer = estimate_image(estimator, shot)
+        assert answer.t_us == taken and answer.t_us in shot.times_us
+        assert answer.status == statuses[image[0, 0]] and image[0, 0] == (wider if taken == 5 else first)
         assert asked == ([9] if first == 2 or wider is None else [9, 5])
 
 
 @pytest.mark.parametrize("rate_hz", [None, 5.0, 10.0])
 def test_a_wider_shot_holds_the_same_events_and_as_many_before(recording, rate_hz):
-    some = list(timed_images(recording, "event", rate_hz=rate_hz))
-    assert [(s.t_us, s.image.sum()) for s in some] == [
+    shots = list(timed_images(recording, "event", rate_hz=rate_hz))
+    assert [(s.t_us, s.image.sum()) for s in shots] == [
         (t_us, image.sum()) for t_us, image in images(recording, "event", rate_hz=rate_hz)
     ]
-    wide = [(a, b) for a, b in pairwise(some) if b.wider]
-    assert len(wide) > len(some) / 3
+    wide = [(a, b) for a, b in pairwise(shots) if b.wider]
+    assert len(wide) > len(shots) / 3
     for a, b in wide:
         assert a.t_us < b.wider[0] <= b.t_us
         assert b.wider[1].sum() == OURS.second_look_factor * b.image.sum() and np.all(b.wider[1] >= b.image)
@@ -226,11 +226,11 @@ def test_misuse():
 def test_the_networks_can_be_any_two_functions(recording):
     T = recording.truth.poses[0]
     ring, markers = ideal_masks(T, Port.lm_map(), recording.camera)
-    found = Estimator(recording.camera, weights=(lambda image: ring, lambda image: markers))(
+    estimated = Estimator(recording.camera, weights=(lambda image: ring, lambda image: markers))(
         recording.frames[0]
     )
-    assert found.status == Status.OK
+    assert estimated.status == Status.OK
     assert (
-        position_error_m(found.T_cam_port, T) < 0.002
-        and np.rad2deg(normal_error_rad(found.T_cam_port, T)) < 1
+        position_error_m(estimated.T_cam_port, T) < 0.002
+        and np.rad2deg(normal_error_rad(estimated.T_cam_port, T)) < 1
     )

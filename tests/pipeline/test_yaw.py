@@ -63,9 +63,9 @@ def test_the_papers_grid_is_as_good_as_its_step():
 def test_a_third_of_a_turn_changes_nothing(find, T, turn):
     turned = Pose(T.rotation @ rotations.rotation_z(turn * PORT.yaw_period_rad), T.position_m)
     mask, pair = mask_of(T, noise=0), candidates(T)
-    one, two = find(mask, pair, PORT, CAMERA), find(mask_of(turned, noise=0), pair, PORT, CAMERA)
-    assert error_deg(one.T_cam_port, two.T_cam_port) < 1e-6
-    assert one.score == pytest.approx(two.score, abs=1e-4)
+    first, second = find(mask, pair, PORT, CAMERA), find(mask_of(turned, noise=0), pair, PORT, CAMERA)
+    assert error_deg(first.T_cam_port, second.T_cam_port) < 1e-6
+    assert first.score == pytest.approx(second.score, abs=1e-4)
 
 
 @settings(max_examples=15)
@@ -73,8 +73,8 @@ def test_a_third_of_a_turn_changes_nothing(find, T, turn):
 def test_the_candidates_own_yaw_does_not_matter(T, start):
     mask, pair = mask_of(T), candidates(T)
     turned = Pose(pair.rotation @ rotations.rotation_z(start), pair.position_m)
-    one, two = (yaw.fast_yaw(mask, c, PORT, CAMERA) for c in (pair, turned))
-    assert error_deg(one.T_cam_port, two.T_cam_port) < 0.25
+    first, second = (yaw.fast_yaw(mask, c, PORT, CAMERA) for c in (pair, turned))
+    assert error_deg(first.T_cam_port, second.T_cam_port) < 0.25
 
 
 @both
@@ -83,9 +83,9 @@ def test_position_and_normal_are_those_of_the_candidates(find):
     pair = candidates(T)
     fit = find(mask_of(T), pair, PORT, CAMERA)
     best = int(np.argmax(pair.normal @ T.normal))
-    for found, k in ((fit.T_cam_port, best), (fit.rival, 1 - best)):
-        np.testing.assert_allclose(found.position_m, pair.position_m[k])
-        np.testing.assert_allclose(found.normal, pair.normal[k], atol=1e-12)
+    for solution, k in ((fit.T_cam_port, best), (fit.rival, 1 - best)):
+        np.testing.assert_allclose(solution.position_m, pair.position_m[k])
+        np.testing.assert_allclose(solution.normal, pair.normal[k], atol=1e-12)
 
 
 @both

@@ -102,8 +102,8 @@ def test_bag_serialised_by_the_library(tmp_path, head, fields):
         return Time(sec=int(t_us) // 10**6, nanosec=int(t_us) % 10**6 * 1000)
 
     header = kind["std_msgs/msg/Header"](seq=0, stamp=stamp(START_US), frame_id="cam")
-    one = kind["dvs_msgs/msg/Event"]
-    events = [one(x=int(x), y=int(y), ts=stamp(t), polarity=bool(p)) for t, x, y, p in e.tolist()]
+    Event = kind["dvs_msgs/msg/Event"]
+    events = [Event(x=int(x), y=int(y), ts=stamp(t), polarity=bool(p)) for t, x, y, p in e.tolist()]
     _, png = cv2.imencode(".png", gray)
     messages = [
         ("/e", kind["dvs_msgs/msg/EventArray"](header=header, width=64, height=48, events=events)),
@@ -260,6 +260,6 @@ def test_a_bags_times_are_rounded_to_microseconds(times):
     events = np.array([(1, 2, s, ns, 1) for s, ns in times], record)
     definition = rosbag.ARRAY_MSG + f"{'=' * 80}\nMSG: dvs_msgs/Event\n{rosbag.EVENT_MSG}"
     raw = bytes(16) + struct.pack("<III", 48, 64, len(events)) + events.tobytes()
-    size_px, found = rosbag._events(raw, definition)
+    size_px, decoded = rosbag._events(raw, definition)
     assert size_px == (64, 48)
-    assert found["t_us"].tolist() == [s * 10**6 + (ns + 500) // 1000 for s, ns in times]
+    assert decoded["t_us"].tolist() == [s * 10**6 + (ns + 500) // 1000 for s, ns in times]

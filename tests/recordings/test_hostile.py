@@ -129,11 +129,11 @@ def test_rows_are_read_within_a_chunks_bytes(tmp_path, chunks):
     """However wide a record is, and however many rows of a narrow column a chunk holds."""
     wide = np.dtype([(f"f{k}", "<f8") for k in range(1000)])
     with h5py.File(tmp_path / "r.h5", "w") as file:
-        one = file.create_dataset("wide", (2 * 10**6,), wide, chunks=chunks and (10,))
-        other = file.create_dataset("narrow", (2 * 10**6,), "u1", chunks=chunks)
-        rows = rows_at_once(250_000, one, other)
+        records = file.create_dataset("wide", (2 * 10**6,), wide, chunks=chunks and (10,))
+        column = file.create_dataset("narrow", (2 * 10**6,), "u1", chunks=chunks)
+        rows = rows_at_once(250_000, records, column)
         assert rows >= 1 and rows * (wide.itemsize + 1) <= MAX_CHUNK_BYTES
-        assert rows_at_once(250_000, other) == max(250_000, *(chunks or (1,)))
+        assert rows_at_once(250_000, column) == max(250_000, *(chunks or (1,)))
 
 
 @pytest.mark.parametrize("span_us", [(0, 10**400), (-(10**30), 0), (0, MAX_TIME_US + 1)])

@@ -19,17 +19,17 @@ def test_a_folders_pictures_come_in_the_order_of_their_names(images, tmp_path):
     for name, image in zip(("b.png", "a.png"), images, strict=True):
         Image.fromarray(image).save(tmp_path / name)
     (tmp_path / "notes.txt").write_text("not a picture")
-    found = dict(pictures(tmp_path))
-    assert list(found) == ["a", "b"]
-    np.testing.assert_array_equal(found["b"], images[0])
+    by_name = dict(pictures(tmp_path))
+    assert list(by_name) == ["a", "b"]
+    np.testing.assert_array_equal(by_name["b"], images[0])
 
 
 def test_pictures_of_a_pdf_are_named_by_page(images, tmp_path):
     pages = [Image.fromarray(image) for image in images]
     pages[0].save(tmp_path / "two.pdf", save_all=True, append_images=pages[1:])
-    found = dict(pictures(tmp_path / "two.pdf"))
-    assert list(found) == ["page1-1", "page2-1"]
-    for original, image in zip(images, found.values(), strict=True):
+    by_name = dict(pictures(tmp_path / "two.pdf"))
+    assert list(by_name) == ["page1-1", "page2-1"]
+    for original, image in zip(images, by_name.values(), strict=True):
         assert image.shape == original.shape
         assert abs(image.astype(float) - original).mean() < 2  # pillow writes JPEG
 

@@ -105,9 +105,9 @@ def test_first_columns_of_poses_csv(tmp_path):
 
 
 def test_trajectory_of_keeps_the_poses(tmp_path):
-    found = trajectory_of(estimates(3))
-    assert found.t_us.tolist() == [10**15, 10**15 + 7]
-    assert_same_pose(found.poses[0], estimates(3)[1].T_cam_port)
+    trajectory = trajectory_of(estimates(3))
+    assert trajectory.t_us.tolist() == [10**15, 10**15 + 7]
+    assert_same_pose(trajectory.poses[0], estimates(3)[1].T_cam_port)
     assert len(trajectory_of([])) == 0
 
 

@@ -90,8 +90,8 @@ def test_a_lens_that_distorts_changes_nothing(T):
     rng = np.random.default_rng(0)
     start = conics.circle_ellipse(T, PORT.ring_radius_m, WIDE)
     start = Ellipse(start.centre_px + np.array([0.8, -0.6]), 1.01 * start.semi_axes_px, start.angle_rad)
-    found = contour.trace(start, mask_of(T, rng, WIDE), 0.25 * start.semi_axes_px[0], WIDE)
-    solved = circle.poses(found.ellipse, WIDE, PORT.ring_radius_m)
+    traced = contour.trace(start, mask_of(T, rng, WIDE), 0.25 * start.semi_axes_px[0], WIDE)
+    solved = circle.poses(traced.ellipse, WIDE, PORT.ring_radius_m)
     cosine = solved.normal @ T.normal
     assert np.rad2deg(np.arccos(cosine.max().clip(-1, 1))) < 0.15
     assert 1e3 * np.linalg.norm(solved.position_m[cosine.argmax()] - T.position_m) < 2.0
@@ -110,9 +110,9 @@ def test_sigma_is_the_scatter_of_the_points():
     rng, e = np.random.default_rng(0), Ellipse([150, 120], [60, 35], 0.5)
     points = e.points(400) + 0.3 * rng.standard_normal((400, 2))
     assert contour.from_points(e, points).sigma_px == pytest.approx(0.3, rel=0.1)
-    found = contour.trace(*_mask_with_scatter())
-    distances = np.linalg.norm(found.points_px[:, None] - found.ellipse.points(4000), axis=-1).min(1)
-    assert found.sigma_px == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.1)
+    traced = contour.trace(*_mask_with_scatter())
+    distances = np.linalg.norm(traced.points_px[:, None] - traced.ellipse.points(4000), axis=-1).min(1)
+    assert traced.sigma_px == pytest.approx(np.sqrt(np.mean(distances**2)), rel=0.1)
 
 
 def _mask_with_scatter():

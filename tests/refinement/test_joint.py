@@ -26,11 +26,11 @@ def solved(T, seed, camera=CAMERA):
     """The pose of ring and yaw, and the joint refinement of it."""
     ring, markers = masks_of(T, seed, camera)
     start = conics.circle_ellipse(T, PORT.ring_radius_m, camera)
-    found = contour.trace(start, ring, 0.25 * start.semi_axes_px[0], camera)
-    pair = circle.poses(found.ellipse, camera, PORT.ring_radius_m)
+    traced = contour.trace(start, ring, 0.25 * start.semi_axes_px[0], camera)
+    pair = circle.poses(traced.ellipse, camera, PORT.ring_radius_m)
     fit = yaw.fast_yaw(markers, pair, PORT, camera)
     return fit.T_cam_port, joint.refine(
-        fit.T_cam_port, found.points_px, markers, PORT, camera, RING_PX, MARKER_PX
+        fit.T_cam_port, traced.points_px, markers, PORT, camera, RING_PX, MARKER_PX
     )
 
 
@@ -43,8 +43,8 @@ def test_head_on_it_cuts_the_error_and_elsewhere_it_does_no_harm():
     errors = {0: [], 1: []}
     for k, tilt_deg in enumerate([0, 1, 2, 3, 5, 8, 12, 20, 30, 45]):
         T = pose((180, 120), 0.5, np.deg2rad(tilt_deg), 0.6 * k, 0.4 * k)
-        for j, found in enumerate((solved(T, k)[0], solved(T, k)[1].T_cam_port)):
-            errors[j].append(error(found, T))
+        for j, estimated in enumerate((solved(T, k)[0], solved(T, k)[1].T_cam_port)):
+            errors[j].append(error(estimated, T))
     before, after = (np.array(errors[k]) for k in (0, 1))
     assert np.sqrt(np.mean(after[:5, 0] ** 2)) < 0.7 * np.sqrt(np.mean(before[:5, 0] ** 2))
     assert np.all(after[:, 0] < 0.8)
@@ -58,24 +58,24 @@ def test_it_returns_from_a_disturbed_start(camera):
     points = conics.circle_ellipse(T, PORT.ring_radius_m, camera).points(150)
     turn = Rotation.from_rotvec(np.deg2rad([2.0, -1.5, 1.0])).as_matrix()
     start = Pose(turn @ T.rotation, T.position_m + np.array([0.002, -0.001, 0.004]))
-    found = joint.refine(start, points, markers, PORT, camera, RING_PX, MARKER_PX)
-    assert found.edges > 60
-    assert np.all(np.array(error(found.T_cam_port, T)) < [0.5, 2.0])
+    refined = joint.refine(start, points, markers, PORT, camera, RING_PX, MARKER_PX)
+    assert refined.edges > 60
+    assert np.all(np.array(error(refined.T_cam_port, T)) < [0.5, 2.0])
 
 
 def test_a_mask_that_is_too_wide_on_all_sides_turns_nothing():
     T = pose((180, 120), 0.4, np.deg2rad(20), 1.0, 2.0)
     points = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
     wide = cv2.dilate(masks_of(T, 0)[1], np.ones((3, 3), np.uint8))
-    found = joint.refine(T, points, wide, PORT, CAMERA, RING_PX, MARKER_PX)
-    assert np.all(np.array(error(found.T_cam_port, T)) < [0.5, 2.0])
+    refined = joint.refine(T, points, wide, PORT, CAMERA, RING_PX, MARKER_PX)
+    assert np.all(np.array(error(refined.T_cam_port, T)) < [0.5, 2.0])
 
 
 def test_the_covariance_is_one_and_better_than_the_rings_alone():
     T = pose((180, 120), 0.5, np.deg2rad(3), 1.0, 2.0)
-    _, found = solved(T, 0)
-    assert np.all(np.linalg.eigvalsh(found.covariance) > 0)
-    tilt_deg = np.rad2deg(np.sqrt(np.linalg.eigvalsh(found.covariance[3:, 3:])))
+    _, refined = solved(T, 0)
+    assert np.all(np.linalg.eigvalsh(refined.covariance) > 0)
+    tilt_deg = np.rad2deg(np.sqrt(np.linalg.eigvalsh(refined.covariance[3:, 3:])))
     assert np.all(tilt_deg < 1.5)
 
 

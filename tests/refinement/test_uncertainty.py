@@ -42,10 +42,10 @@ def test_the_covariance_holds_the_pose_too(tilt_deg):
     for _ in range(150):
         e = ellipse.fit(points + SIGMA_PX * rng.standard_normal(points.shape))
         pair = circle.poses(e, CAMERA, NU)
-        found = pair[int(np.argmax(pair.normal @ T.normal))]
-        u = uncertainty.pose_uncertainty(found, e.points(250), SIGMA_PX, NU, CAMERA, yaw_sigma_rad=1e-3)
-        turn = np.cross(found.normal, T.normal)  # small, and without yaw
-        d = np.concatenate([T.position_m - found.position_m, turn])
+        nearest = pair[int(np.argmax(pair.normal @ T.normal))]
+        u = uncertainty.pose_uncertainty(nearest, e.points(250), SIGMA_PX, NU, CAMERA, yaw_sigma_rad=1e-3)
+        turn = np.cross(nearest.normal, T.normal)  # small, and without yaw
+        d = np.concatenate([T.position_m - nearest.position_m, turn])
         inside.append(d @ np.linalg.solve(u.covariance, d) < chi2.ppf(0.95, 5))
     assert 0.90 <= np.mean(inside) <= 0.99
 
@@ -146,8 +146,8 @@ def test_the_regions_hold_what_they_promise_in_every_light():
     table = pd.read_csv(DATA / "results" / "calibration.csv")
     assert len(table) == 6 and (table.poses > 40).all()
     assert table.inside_percent.between(85, 99.9).all()
-    for _, some in table.groupby("modality"):
-        assert 92 <= np.average(some.inside_percent, weights=some.poses) <= 98
+    for _, rows in table.groupby("modality"):
+        assert 92 <= np.average(rows.inside_percent, weights=rows.poses) <= 98
 
 
 def test_misuse_is_named():

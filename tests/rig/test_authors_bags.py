@@ -116,16 +116,16 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert code == 1 and "detections while the arm reports, 20 are needed" in err and err.count("\n") == 1
     code, out, err = run(capsys, *argv, "30")
     assert code == 0 and "from the hand-eye file" in out and not err
-    found, wanted = Rig.load(rig), standin.RIG
-    assert np.linalg.norm(found.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
-    assert 0 < found.calibration["port_sigma_mm"] < 3
-    assert found.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
-    assert found.calibration["recordings"] == ["normal__train.bag"]
+    calibrated, wanted = Rig.load(rig), standin.RIG
+    assert np.linalg.norm(calibrated.T_tip_port.position_m - wanted.T_tip_port.position_m) < 0.005
+    assert 0 < calibrated.calibration["port_sigma_mm"] < 3
+    assert calibrated.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
+    assert calibrated.calibration["recordings"] == ["normal__train.bag"]
     for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
         code, _, err = run(capsys, *argv, *bad)
         assert code == 1 and err.count("\n") == 1
     monkeypatch.setattr(on_authors_bags.Estimator, "__call__", None)  # nothing is estimated twice
-    monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: found)
+    monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: calibrated)
     code, out, _ = run(capsys, *argv, "30", "--json", "--overwrite")
     assert code == 0 and json.loads(out)["root"] == "base_link"
     code, _, err = run(capsys, *argv, "30", "--hand-eye", folder / CAMERA, "--overwrite")
@@ -197,17 +197,17 @@ def test_check_lists_what_is_usable(folder, tmp_path, capsys):
 def test_intrinsics_from_a_board(tmp_path, capsys):
     camera = Camera(346, 260, 330.0, 328.0, 170.0, 131.0, (-0.3, 0.1, 0.001, -0.0008))
     recording = standin.simulate_checkerboard(camera, views=12)
-    found, facts = checkerboard.calibrate_intrinsics(recording.timed_frames(), (8, 5), 0.03)
+    calibrated, facts = checkerboard.calibrate_intrinsics(recording.timed_frames(), (8, 5), 0.03)
     assert facts["rms_px"] < 0.15 and facts["views"] >= 8
     wanted = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-    values = np.array([found.fx_px, found.fy_px, found.cx_px, found.cy_px])
+    values = np.array([calibrated.fx_px, calibrated.fy_px, calibrated.cx_px, calibrated.cy_px])
     assert np.all(np.abs(values - wanted) < 4 * np.array(facts["sigma_px"]))
     assert np.all(np.abs(values[:2] / wanted[:2] - 1) < 0.005)
-    np.testing.assert_allclose(found.distortion[:2], camera.distortion[:2], atol=0.03)
+    np.testing.assert_allclose(calibrated.distortion[:2], camera.distortion[:2], atol=0.03)
     standin.write_bag(recording, tmp_path / "dvs_calibration.bag")
     code, out, _ = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "8x5")
     assert code == 0 and "px left" in out
-    assert Camera.load(tmp_path / CAMERA).fx_px == pytest.approx(found.fx_px)
+    assert Camera.load(tmp_path / CAMERA).fx_px == pytest.approx(calibrated.fx_px)
     code, _, err = run(capsys, "calibrate", tmp_path / "dvs_calibration.bag", "--board", "big")
     assert code == 1 and "inner corners" in err and err.count("\n") == 1
     with pytest.raises(ValueError, match="7 x 7 inner corners is seen in 0 views"):

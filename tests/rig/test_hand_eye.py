@@ -25,9 +25,9 @@ def world(X: Pose, Y: Pose, name="realistic-1", seconds=30.0, count=60, delay_s=
     return T_cam_port, arm.sample(seen_us)
 
 
-def assert_same(found: Pose, wanted: Pose, atol=1e-5):
-    assert rotation_between_rad(found.rotation, wanted.rotation, PERIOD) < atol
-    np.testing.assert_allclose(found.position_m, wanted.position_m, atol=atol)
+def assert_same(estimated: Pose, wanted: Pose, atol=1e-5):
+    assert rotation_between_rad(estimated.rotation, wanted.rotation, PERIOD) < atol
+    np.testing.assert_allclose(estimated.position_m, wanted.position_m, atol=atol)
 
 
 def random_pose(rng) -> Pose:
@@ -42,13 +42,13 @@ def test_without_noise_it_agrees_with_opencv_and_the_truth(seed):
     R1, t1, R2, t2 = cv2.calibrateRobotWorldHandEye(
         list(T.rotation), list(T.position_m), list(A.rotation), list(A.position_m)
     )
-    found = hand_eye.solve(T, arm, 2 * np.pi)
-    assert_same(found.T_cam_root, Pose(R2, t2.ravel()), 1e-4)
-    assert_same(found.T_tip_port, Pose(R1, t1.ravel()).inverse, 1e-4)
-    assert_same(found.T_cam_root, X)
-    assert_same(found.T_tip_port, Y)
-    assert found.scale == pytest.approx(1, abs=1e-5)
-    assert found.delay_s == pytest.approx(0, abs=1e-4)
+    solution = hand_eye.solve(T, arm, 2 * np.pi)
+    assert_same(solution.T_cam_root, Pose(R2, t2.ravel()), 1e-4)
+    assert_same(solution.T_tip_port, Pose(R1, t1.ravel()).inverse, 1e-4)
+    assert_same(solution.T_cam_root, X)
+    assert_same(solution.T_tip_port, Y)
+    assert solution.scale == pytest.approx(1, abs=1e-5)
+    assert solution.delay_s == pytest.approx(0, abs=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -56,7 +56,7 @@ def test_flips_of_yaw_do_not_matter(seed):
     T, arm = world(standin.RIG.T_cam_root, standin.RIG.T_tip_port)
     turns = rotation_z(PERIOD * np.random.default_rng(seed).integers(0, 3, len(T)))
     plain, flipped = (
-        hand_eye.solve(some, arm, PERIOD) for some in (T, Pose(T.rotation @ turns, T.position_m))
+        hand_eye.solve(poses, arm, PERIOD) for poses in (T, Pose(T.rotation @ turns, T.position_m))
     )
     assert_same(plain.T_tip_port, flipped.T_tip_port)
     assert_same(plain.T_cam_root, flipped.T_cam_root)
@@ -67,10 +67,10 @@ def test_flips_of_yaw_do_not_matter(seed):
 
 def test_scale_and_delay_are_found():
     T, arm = world(standin.RIG.T_cam_root, standin.RIG.T_tip_port, delay_s=0.012)
-    found = hand_eye.solve(Pose(T.rotation, T.position_m / 1.1), arm, PERIOD)
-    assert found.scale == pytest.approx(1.1, rel=1e-4)
-    assert found.delay_s == pytest.approx(0.012, abs=2e-4)
-    assert_same(found.T_tip_port, standin.RIG.T_tip_port, 2e-4)
+    solution = hand_eye.solve(Pose(T.rotation, T.position_m / 1.1), arm, PERIOD)
+    assert solution.scale == pytest.approx(1.1, rel=1e-4)
+    assert solution.delay_s == pytest.approx(0.012, abs=2e-4)
+    assert_same(solution.T_tip_port, standin.RIG.T_tip_port, 2e-4)
 
 
 @pytest.mark.parametrize("camera_known", [False, True])

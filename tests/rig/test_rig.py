@@ -22,17 +22,17 @@ JOINTS = np.array([0.3, -1.5, 1.2, -0.4, 1.4, 3.0]) + 0.2 * np.sin(T_US[:, None]
 
 def write_arm(path, without=(), joints=JOINTS):
     """A bag with nothing but an arm's /tf and /joint_states, less the topics or links in ``without``."""
-    topics = {topic: (kind, list(some)) for topic, kind, some in tf.arm_messages(T_US, joints)}
+    topics = {topic: (kind, list(messages)) for topic, kind, messages in tf.arm_messages(T_US, joints)}
     with Writer(path) as bag:
-        for topic, (kind, some) in topics.items():
+        for topic, (kind, messages) in topics.items():
             connection = bag.add_connection(topic, kind, typestore=rosbag.STORE)
-            for t_us, raw in some if topic not in without else ():
+            for t_us, raw in messages if topic not in without else ():
                 bag.write(connection, int(t_us) * 1000, _less(raw, without) if topic == "/tf" else raw)
     return path
 
 
 def _less(raw, children):
-    return _edited(raw, lambda some: [t for t in some if t.child_frame_id not in children])
+    return _edited(raw, lambda links: [t for t in links if t.child_frame_id not in children])
 
 
 def _edited(raw, edit):
@@ -41,11 +41,11 @@ def _edited(raw, edit):
     return bytes(rosbag.STORE.serialize_ros1(message, tf.TF[0]))
 
 
-def assert_moves_as(found: ur5e.ArmMotion, joints=JOINTS):
+def assert_moves_as(motion: ur5e.ArmMotion, joints=JOINTS):
     wanted = ur5e.forward(joints)
-    assert np.array_equal(found.t_us, T_US)
-    np.testing.assert_allclose(found.T_root_tip.position_m, wanted.position_m, atol=1e-12)
-    np.testing.assert_allclose(found.T_root_tip.rotation, wanted.rotation, atol=1e-12)
+    assert np.array_equal(motion.t_us, T_US)
+    np.testing.assert_allclose(motion.T_root_tip.position_m, wanted.position_m, atol=1e-12)
+    np.testing.assert_allclose(motion.T_root_tip.rotation, wanted.rotation, atol=1e-12)
 
 
 def test_the_chain_of_tf_is_forward_kinematics_and_back(tmp_path):
@@ -91,21 +91,21 @@ def test_a_missing_arm_is_named(tmp_path):
 
 
 def test_an_arm_that_is_no_chain_of_poses_is_named(tmp_path, monkeypatch):
-    def nowhere(some):
-        some[3].transform.translation.x = np.nan
-        return some
+    def nowhere(links):
+        links[3].transform.translation.x = np.nan
+        return links
 
-    def far(some):
-        some[3].transform.translation.x = 1e300
-        return some
+    def far(links):
+        links[3].transform.translation.x = 1e300
+        return links
 
-    def turned_by_nothing(some):
-        some[3].transform.rotation = replace(some[3].transform.rotation, x=0.0, y=0.0, z=0.0, w=0.0)
-        return some
+    def turned_by_nothing(links):
+        links[3].transform.rotation = replace(links[3].transform.rotation, x=0.0, y=0.0, z=0.0, w=0.0)
+        return links
 
-    def looped(some):
-        back = replace(some[5], header=replace(some[5].header, frame_id="base_link"))
-        return [*some, back]
+    def looped(links):
+        back = replace(links[5], header=replace(links[5].header, frame_id="base_link"))
+        return [*links, back]
 
     for edit, said in ((nowhere, "forearm_link to wrist_1_link is not finite"),
                        (far, "forearm_link to wrist_1_link has a position beyond"),
@@ -177,9 +177,9 @@ def test_a_port_of_another_size_is_the_same_shape():
 
 def test_hand_eye_files_of_every_layout_agree(tmp_path):
     standin.write_hand_eye(tmp_path / "a.yaml")
-    found = read_hand_eye(tmp_path / "a.yaml")
+    hand_eye = read_hand_eye(tmp_path / "a.yaml")
     wanted = standin.RIG.T_cam_root.inverse
-    assert found.ends == ("base_link", "tool0")
+    assert hand_eye.ends == ("base_link", "tool0")
     document = yaml.safe_load((tmp_path / "a.yaml").read_text())
     flat = {**document["parameters"], "transformation": document["transformation"]}  # as older versions wrote
     matrix = np.vstack([np.column_stack([wanted.rotation, wanted.position_m]), [0, 0, 0, 1]]).tolist()
@@ -213,5 +213,5 @@ def test_hand_eye_files_of_every_layout_agree(tmp_path):
 ])  # fmt: skip
 def test_a_file_that_is_no_hand_eye_shows_what_was_found(tmp_path, text, said):
     (tmp_path / "h.yaml").write_text(text)
-    found = line(read_hand_eye, tmp_path / "h.yaml")
-    assert said in found and found.startswith(f"{tmp_path / 'h.yaml'}: ")
+    message = line(read_hand_eye, tmp_path / "h.yaml")
+    assert said in message and message.startswith(f"{tmp_path / 'h.yaml'}: ")

@@ -37,10 +37,10 @@ def test_statistics_are_those_of_the_images_drawn(values, seed):
         drawn = np.repeat(values, times)
         drawn = drawn[np.isfinite(drawn)]
         expected = (np.median(drawn), np.sqrt(np.mean(drawn**2))) if drawn.size else (np.nan, np.nan)
-        found = bootstrap.medians(values, counts)[k], bootstrap.root_mean_squares(values, counts)[k]
-        np.testing.assert_allclose(found, expected, atol=1e-12)
-        some = np.repeat(among, times)
-        share = (np.repeat(flags, times) & some).sum() / some.sum() if some.any() else np.nan
+        computed = bootstrap.medians(values, counts)[k], bootstrap.root_mean_squares(values, counts)[k]
+        np.testing.assert_allclose(computed, expected, atol=1e-12)
+        counted = np.repeat(among, times)
+        share = (np.repeat(flags, times) & counted).sum() / counted.sum() if counted.any() else np.nan
         np.testing.assert_allclose(bootstrap.shares(flags, among, counts)[k], share)
 
 

@@ -38,22 +38,22 @@ def made(**changed):
 
 
 def judged(tables):
-    found = claims(**tables)
-    assert list(found) == COLUMNS and not found.isna().any().any()
-    return found.set_index("claim")
+    verdicts = claims(**tables)
+    assert list(verdicts) == COLUMNS and not verdicts.isna().any().any()
+    return verdicts.set_index("claim")
 
 
-def of(found, words, column="verdict"):
-    (answer,) = found[column][found.index.str.contains(words, regex=False)]
+def of(verdicts, words, column="verdict"):
+    (answer,) = verdicts[column][verdicts.index.str.contains(words, regex=False)]
     return answer
 
 
 def test_with_the_papers_numbers_its_claims_hold():
-    found = judged(made())
-    known = found.verdict[~found.verdict.isin([UNTESTED])]
+    verdicts = judged(made())
+    known = verdicts.verdict[~verdicts.verdict.isin([UNTESTED])]
     own = known[~known.index.str.contains("events are enough|ORB-SLAM3")]  # judged by committed results
     assert (own == HOLDS).all() and len(own) == 15
-    assert (found.verdict == UNTESTED).sum() == 3
+    assert (verdicts.verdict == UNTESTED).sum() == 3
 
 
 def test_each_estimator_has_its_own_verdict_and_the_named_one_decides():
@@ -61,23 +61,23 @@ def test_each_estimator_has_its_own_verdict_and_the_named_one_decides():
     table = tables["table"]
     events = table.modality == "event"
     table.loc[events, ["printed", "printed_low", "printed_high"]] *= 3
-    found = judged(tables)
+    verdicts = judged(tables)
     for claim in ("alike in low; medium; high", "clearly better than frames"):
-        assert of(found, claim, "printed_verdict") == FAILS and of(found, claim) == HOLDS
-        assert of(found, claim, "ours_verdict") == HOLDS and of(found, claim, "decides") == "as printed"
+        assert of(verdicts, claim, "printed_verdict") == FAILS and of(verdicts, claim) == HOLDS
+        assert of(verdicts, claim, "ours_verdict") == HOLDS and of(verdicts, claim, "decides") == "as printed"
 
     table.loc[table.metric == "normal_error_deg", "ours"] = 0.5
-    found = judged(tables)
-    assert of(found, "normal poor") == FAILS and of(found, "normal poor", "decides") == "ours"
-    assert of(found, "normal poor", "as_printed_verdict") == HOLDS
+    verdicts = judged(tables)
+    assert of(verdicts, "normal poor") == FAILS and of(verdicts, "normal poor", "decides") == "ours"
+    assert of(verdicts, "normal poor", "as_printed_verdict") == HOLDS
 
 
 def test_without_the_papers_procedure_its_formula_decides():
     tables = made()
     ends = [f"as_printed{end}" for end in ("", "_low", "_high")]
-    found = judged(made(table=tables["table"].drop(columns=ends)))
-    assert (found.as_printed_verdict == NOT_RUN).all()
-    assert of(found, "lowers the RMSE", "decides") == "printed formula"
+    verdicts = judged(made(table=tables["table"].drop(columns=ends)))
+    assert (verdicts.as_printed_verdict == NOT_RUN).all()
+    assert of(verdicts, "lowers the RMSE", "decides") == "printed formula"
 
 
 def test_partly_is_a_verdict():
@@ -88,9 +88,9 @@ def test_partly_is_a_verdict():
     table.loc[bright & (table.metric == "position_error_m"), "as_printed"] *= 2
     counts.loc[(counts.sequence == "hard-reflect") & (counts.modality == "rgb"), "ellipses"] = 40
     tables["saturation"]["rank_correlation"] = [0.0, 0.5, 0.0]
-    found = judged(tables)
-    assert of(found, "alike in low; medium; high") == PARTLY
-    assert of(found, "Full reflect") == PARTLY == of(found, "does not correlate")
+    verdicts = judged(tables)
+    assert of(verdicts, "alike in low; medium; high") == PARTLY
+    assert of(verdicts, "Full reflect") == PARTLY == of(verdicts, "does not correlate")
 
 
 def test_a_claim_falls_with_its_numbers():
@@ -103,7 +103,7 @@ def test_a_claim_falls_with_its_numbers():
     tables["filters"]["iou"] = 0.9
     across = (table.training == "high-domain-gap") & (table.metric == "detection_rate_percent")
     table.loc[across, "as_printed"] = 20
-    found = judged(tables)
+    verdicts = judged(tables)
     for words in (
         "lowers the RMSE",
         "Slow motion",
@@ -111,8 +111,8 @@ def test_a_claim_falls_with_its_numbers():
         "look alike",
         "no network was trained",
     ):
-        assert of(found, words) == FAILS
-    assert of(found, "costs detections") == HOLDS == of(found, "Full reflect")
+        assert of(verdicts, words) == FAILS
+    assert of(verdicts, "costs detections") == HOLDS == of(verdicts, "Full reflect")
 
 
 def test_an_empty_cell_is_no_verdict():
@@ -120,9 +120,9 @@ def test_an_empty_cell_is_no_verdict():
     high = tables["table"].query("training == 'high-domain-gap' and light == 'high'")
     cells = high.query("modality == 'event' and outlier_filter == 'with'").index
     tables["table"].loc[cells, "as_printed"] = np.nan
-    found = judged(tables)
-    assert of(found, "clearly better than frames") == UNTESTED
-    assert of(found, "alike in low; medium light") == HOLDS
+    verdicts = judged(tables)
+    assert of(verdicts, "clearly better than frames") == UNTESTED
+    assert of(verdicts, "alike in low; medium light") == HOLDS
 
 
 @pytest.mark.parametrize("images", [50, 400])

@@ -74,8 +74,8 @@ def test_scaled_and_ambiguous_truth_has_no_error(seed, scale):
     T_port_cam = truth.poses.inverse
     scaled = Pose(T_port_cam.rotation, scale * T_port_cam.position_m).inverse
     turns = np.random.default_rng(seed).integers(0, 3, len(truth))
-    found = odometry.camera_track(as_estimates(turned(Trajectory(truth.t_us, scaled), turns)), PORT)
-    table = odometry.score([found], truth)
+    estimated = odometry.camera_track(as_estimates(turned(Trajectory(truth.t_us, scaled), turns)), PORT)
+    table = odometry.score([estimated], truth)
     assert len(table) and table.position_error_m.max() < 1e-9 and table.rotation_error_deg.max() < 1e-6
 
 

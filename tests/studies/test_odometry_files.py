@@ -158,8 +158,8 @@ def test_a_perfect_trajectory_scores_zero(reference, capsys):
 
 def test_the_reference_may_be_a_recording(tmp_path, mini, reference, capsys):
     truth = track(400)
-    some = Recording("a", mini.camera, mini.events[:100], mini.frames[:2], mini.frames_t_us[:2], truth)
-    write_recording(some, tmp_path / "a.h5")
+    short = Recording("a", mini.camera, mini.events[:100], mini.frames[:2], mini.frames_t_us[:2], truth)
+    write_recording(short, tmp_path / "a.h5")
     assert score(capsys, reference, "--reference", tmp_path / "a.h5")[0] == 0
     (tmp_path / "a.truth.csv").unlink()
     code, _, err = score(capsys, reference, "--reference", tmp_path / "a.h5")

@@ -34,9 +34,9 @@ def answer(recording, t_us, shift_m=0.0, turn_rad=0.0, status=Status.OK):
 
 
 def test_errors_by_hand(recording):
-    found = [answer(recording, 100_000, 0.010, 2 * np.pi / 3), answer(recording, 200_000, 0.020, 0.1),
+    estimates = [answer(recording, 100_000, 0.010, 2 * np.pi / 3), answer(recording, 200_000, 0.020, 0.1),
              answer(recording, 300_000, status=Status.NO_RING), answer(recording, 900_000)]  # fmt: skip
-    table = pose_errors.errors(recording, found, Port.lm_map())
+    table = pose_errors.errors(recording, estimates, Port.lm_map())
     assert table.position_error_m.tolist()[:2] == pytest.approx([0.010, 0.020])
     assert table.rotation_error_deg.tolist()[:2] == pytest.approx([0.0, np.rad2deg(0.1)], abs=1e-5)
     assert table.normal_error_deg.tolist()[:2] == pytest.approx([0, 0], abs=1e-5)
@@ -57,8 +57,8 @@ def test_estimates_outside_the_truth_do_not_count(recording):
 
 
 def test_no_pose_at_all_is_a_table_of_nan(recording):
-    found = [answer(recording, t, status=Status.NO_ELLIPSE) for t in (0, 100_000)]
-    table = pose_errors.summary(pose_errors.errors(recording, found, Port.lm_map()))
+    estimates = [answer(recording, t, status=Status.NO_ELLIPSE) for t in (0, 100_000)]
+    table = pose_errors.summary(pose_errors.errors(recording, estimates, Port.lm_map()))
     rates = table[table.metric == "detection_rate_percent"].value
     assert (rates == 0).all()
     assert table[table.metric == "position_error_m"].value.isna().all()
@@ -66,9 +66,9 @@ def test_no_pose_at_all_is_a_table_of_nan(recording):
 
 def test_compare_has_every_cell_of_the_papers_table(tmp_path):
     paper = pd.read_csv(DATA / "paper" / "table1.csv").assign(low=0.0, high=1e3)
-    twice, one = paper.assign(variant="printed", value=2 * paper.value), paper[paper.modality == "rgb"]
+    twice, frames = paper.assign(variant="printed", value=2 * paper.value), paper[paper.modality == "rgb"]
     variants = [paper.assign(variant="exact"), twice, paper.assign(variant="certain"),
-                one.assign(variant="fused", modality="fused")]  # fmt: skip
+                frames.assign(variant="fused", modality="fused")]  # fmt: skip
     pd.concat(variants).to_csv(tmp_path / "summary.csv", index=False)
     table = pose_errors.compare(tmp_path)
     assert len(table) == len(paper)
@@ -81,11 +81,11 @@ def test_compare_has_every_cell_of_the_papers_table(tmp_path):
 
 def test_what_is_uncertain_is_left_out_of_its_variant_only(recording):
     tight, loose = (np.diag([s] * 3 + [10 * s] * 3) ** 2 for s in (1e-3, 1e-1))
-    found = [
+    estimates = [
         replace(answer(recording, 100_000 * k, 0.001 * k), covariance=loose if k == 2 else tight)
         for k in range(1, 6)
     ]
-    table = pose_errors.errors(recording, found, Port.lm_map())
+    table = pose_errors.errors(recording, estimates, Port.lm_map())
     assert table.certain.tolist() == [True, False, True, True, True]
     assert table.kept.tolist() == [False, False, True, True, True]
     assert table.certain_kept.tolist() == [False, False, False, False, True]
@@ -99,11 +99,11 @@ def test_what_is_uncertain_is_left_out_of_its_variant_only(recording):
 
 def test_intervals_hold_their_value_and_two_sequences_count_as_one(recording):
     shifts_m = np.random.default_rng(0).uniform(0, 0.01, 120)
-    found = [answer(recording, 5000 * k, shift_m) for k, shift_m in enumerate(shifts_m)]
-    one = pose_errors.errors(recording, found, Port.lm_map())
-    cells = pose_errors.summary([one, one], draws=200)
-    some = cells[(cells.variant == "exact") & (cells.outlier_filter == "without")]
-    assert (some.low <= some.value + 1e-12).all() and (some.value <= some.high + 1e-12).all()
-    median = some[(some.metric == "position_error_m") & (some.statistic == "median")].value.item()
-    assert median == pytest.approx(one.position_error_m.median())
-    pd.testing.assert_frame_equal(cells, pose_errors.summary([one, one], draws=200))
+    estimates = [answer(recording, 5000 * k, shift_m) for k, shift_m in enumerate(shifts_m)]
+    table = pose_errors.errors(recording, estimates, Port.lm_map())
+    cells = pose_errors.summary([table, table], draws=200)
+    exact = cells[(cells.variant == "exact") & (cells.outlier_filter == "without")]
+    assert (exact.low <= exact.value + 1e-12).all() and (exact.value <= exact.high + 1e-12).all()
+    median = exact[(exact.metric == "position_error_m") & (exact.statistic == "median")].value.item()
+    assert median == pytest.approx(table.position_error_m.median())
+    pd.testing.assert_frame_equal(cells, pose_errors.summary([table, table], draws=200))

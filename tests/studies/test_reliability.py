@@ -43,8 +43,8 @@ def test_chance_errs_less_with_more_poses_as_the_root_of_their_number():
 
 
 def test_chance_of_a_single_bin_is_that_of_a_binomial_share():
-    one = pd.DataFrame({"bin": [0.4], "confidence": [0.5], "right": [0.5], "poses": [400]})
-    mean, most = error_by_chance(one, draws=20_000)
+    single_bin = pd.DataFrame({"bin": [0.4], "confidence": [0.5], "right": [0.5], "poses": [400]})
+    mean, most = error_by_chance(single_bin, draws=20_000)
     sigma = 0.5 / np.sqrt(400)
     assert mean == pytest.approx(sigma * np.sqrt(2 / np.pi), rel=0.05)
     assert most == pytest.approx(1.96 * sigma, rel=0.05)

@@ -15,9 +15,9 @@ def table(answers: str) -> pd.DataFrame:
 
 
 def test_shares_are_of_the_images_in_view():
-    found = rates([table("rrwnN"), table("RWrrr")])
-    assert found["images"] == 7 and found["right_percent"] == pytest.approx(500 / 7)
-    assert found["wrong_percent"] == pytest.approx(100 / 7) == found["none_percent"]
+    shares = rates([table("rrwnN"), table("RWrrr")])
+    assert shares["images"] == 7 and shares["right_percent"] == pytest.approx(500 / 7)
+    assert shares["wrong_percent"] == pytest.approx(100 / 7) == shares["none_percent"]
 
 
 @pytest.mark.parametrize(

@@ -74,10 +74,10 @@ def test_information_is_a_measured_pose_where_it_is_regular(seed):
     rng = np.random.default_rng(seed)
     A, B, y = rng.standard_normal((12, 12)), rng.standard_normal((6, 6)), 0.1 * rng.standard_normal(6)
     state, S = MotionState(0, START, np.zeros(6), A @ A.T + np.eye(12)), B @ B.T + 0.1 * np.eye(6)
-    one, other = state.correct(y, S), state.inform(np.linalg.inv(S), np.linalg.solve(S, y))
-    np.testing.assert_allclose(one.covariance, other.covariance, atol=1e-7)
-    np.testing.assert_allclose(one.T_cam_port.position_m, other.T_cam_port.position_m, atol=1e-7)
-    np.testing.assert_allclose(one.velocity, other.velocity, atol=1e-7)
+    corrected, informed = state.correct(y, S), state.inform(np.linalg.inv(S), np.linalg.solve(S, y))
+    np.testing.assert_allclose(corrected.covariance, informed.covariance, atol=1e-7)
+    np.testing.assert_allclose(corrected.T_cam_port.position_m, informed.T_cam_port.position_m, atol=1e-7)
+    np.testing.assert_allclose(corrected.velocity, informed.velocity, atol=1e-7)
 
 
 def test_a_late_image_counts_at_its_own_time():
@@ -126,12 +126,12 @@ def test_pieces_of_the_stream_make_no_difference():
     whole = np.concatenate(
         [edge_events(rng, t, at_time(t - LATE_US), SPEED) for t in range(202_000, 240_000, STEP_US)]
     )
-    one, other = started(), started()
-    one.events(whole)
+    at_once, piecewise = started(), started()
+    at_once.events(whole)
     for piece in np.split(whole, np.sort(rng.integers(0, len(whole), 20))):
-        other.events(piece)
+        piecewise.events(piece)
     np.testing.assert_array_equal(
-        one.at(250_000).T_cam_port.position_m, other.at(250_000).T_cam_port.position_m
+        at_once.at(250_000).T_cam_port.position_m, piecewise.at(250_000).T_cam_port.position_m
     )
 
 

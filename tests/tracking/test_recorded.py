@@ -41,9 +41,9 @@ def test_ticks_come_at_their_rate_and_say_that_no_image_supports_them():
 
 
 def test_ticks_know_of_a_push_before_an_image_shows_it():
-    (_, told), (_, untold) = both([EVENTS]), both([])
+    (_, with_events), (_, without_events) = both([EVENTS]), both([])
     off_m = [np.linalg.norm(e[-1].T_cam_port.position_m - pushed(e[-1].t_us).position_m)
-             for e in (told, untold)]  # fmt: skip
+             for e in (with_events, without_events)]  # fmt: skip
     assert off_m[0] < 0.5 * off_m[1]
 
 

@@ -183,10 +183,10 @@ def test_both_cameras_make_one_track():
     alone = Tracker(scene.estimator("rgb"))
     for k in range(10):
         frame, both = scene.image(k), tracker(scene.image(k), STEP_US * k)
-        one = alone(frame, STEP_US * k)
+        frames_only = alone(frame, STEP_US * k)
         events = tracker(scene.histogram(k), STEP_US * k)
         assert right(both, scene.poses[k]) and right(events, scene.poses[k])
-    assert np.linalg.slogdet(events.covariance)[1] < np.linalg.slogdet(one.covariance)[1]
+    assert np.linalg.slogdet(events.covariance)[1] < np.linalg.slogdet(frames_only.covariance)[1]
 
 
 def test_misuse_is_named():

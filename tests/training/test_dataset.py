@@ -57,8 +57,8 @@ def test_any_number_of_events_is_a_histogram_symmetric_in_time(recording, folder
         inner, outer = events[away_us < reach_us], events[away_us <= reach_us]
         image = samples.image(i, count).astype(int)
         assert image.sum() == asked
-        for some, sign in ((inner, 1), (outer, -1)):  # ties in time may fall either way
-            bound = histogram(some["x"], some["y"], recording.camera.size_px).astype(int)
+        for subset, sign in ((inner, 1), (outer, -1)):  # ties in time may fall either way
+            bound = histogram(subset["x"], subset["y"], recording.camera.size_px).astype(int)
             assert (sign * (image - bound) >= 0).all()
         assert row[:asked].max() < width * recording.camera.height_px
 

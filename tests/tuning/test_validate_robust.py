@@ -16,7 +16,7 @@ from lmmap.types import Ellipse, Status
 SHAPE = (96, 116)
 V, U = np.indices(SHAPE)
 MASKS = np.array([abs(np.hypot(V - 48, U - 58) - 30) < 3, abs(V - 48) + abs(U - 58) < 6])
-CHANGES = [(m, n) for m, some in CONDITIONS.items() for n, c in some.items() if c.change]
+CHANGES = [(m, n) for m, conditions in CONDITIONS.items() for n, c in conditions.items() if c.change]
 
 
 @pytest.fixture
@@ -110,14 +110,14 @@ def test_an_ellipse_counts_only_where_the_ring_is():
     T = pose((172, 130), 0.6, 0.5)
     true = circle_ellipse(T, PORT.ring_radius_m, world.CAMERA)
 
-    def found(shift_px, factor):
+    def accepted(shift_px, factor):
         ellipse = Ellipse(
             true.centre_px + np.array([shift_px, 0]), true.semi_axes_px * factor, true.angle_rad
         )
         return validate_robust.is_ring(Contour(ellipse, np.zeros((0, 2)), 0.1), T)
 
-    assert found(0.0, 1.0)
-    assert found(1.5, 1.03)
-    assert not found(2.5, 1.0)
-    assert not found(0.0, 1.07)
+    assert accepted(0.0, 1.0)
+    assert accepted(1.5, 1.03)
+    assert not accepted(2.5, 1.0)
+    assert not accepted(0.0, 1.07)
     assert not validate_robust.is_ring(Status.NO_RING, T)
