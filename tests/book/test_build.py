@@ -93,7 +93,7 @@ def test_two_builds_in_two_places_are_equal_byte_by_byte(book, tmp_path_factory)
         code, said = build(place, "1")
         assert code == 0, said
     first, second = ({path.relative_to(html): path.read_bytes() for path in html.rglob("*") if path.is_file()}
-                for html in (book / "_build" / "html", other / "_build" / "html"))  # fmt: skip
+                     for html in (book / "_build" / "html", other / "_build" / "html"))  # fmt: skip
     assert "error (mm)" in first[Path("book/page.html")].decode()
     assert "_sources/book/page.ipynb" in first[Path("book/page.html")].decode()
     assert "It is 1" in first[Path("_sources/book/page.ipynb")].decode()  # the number, not its markup

@@ -52,7 +52,7 @@ def test_where_there_is_only_a_ring_both_searches_find_it(e):
 
 def test_among_clutter_the_local_search_finds_what_the_global_one_misses():
     hits = np.array([[close(f, RING) for f in searched(drawn(RING, 15, np.random.default_rng(k)), k)]
-                      for k in range(8)])  # fmt: skip
+                     for k in range(8)])  # fmt: skip
     local, anywhere = hits.mean(0)
     assert local == 1 and anywhere < 0.5
 

@@ -72,7 +72,7 @@ def test_fusion_is_set_against_the_better_camera_of_each_error():
     tables = {"rgb": [rgb, rgb], "event": [event, event], "fused": [of_errors(0.15)] * 2}
     compared = error_statistics.against_better(tables, draws=20).set_index("metric")
     assert compared.better.to_dict() == {"position_error_m": "rgb", "normal_error_deg": "event",
-                                      "rotation_error_deg": "rgb"}  # fmt: skip
+                                         "rotation_error_deg": "rgb"}  # fmt: skip
     assert compared.difference.tolist() == pytest.approx([-0.05, 0.05, -0.05])
     assert (compared.images == 200).all()
 

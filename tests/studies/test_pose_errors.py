@@ -35,7 +35,7 @@ def answer(recording, t_us, shift_m=0.0, turn_rad=0.0, status=Status.OK):
 
 def test_errors_by_hand(recording):
     estimates = [answer(recording, 100_000, 0.010, 2 * np.pi / 3), answer(recording, 200_000, 0.020, 0.1),
-             answer(recording, 300_000, status=Status.NO_RING), answer(recording, 900_000)]  # fmt: skip
+                 answer(recording, 300_000, status=Status.NO_RING), answer(recording, 900_000)]  # fmt: skip
     table = pose_errors.errors(recording, estimates, Port.lm_map())
     assert table.position_error_m.tolist()[:2] == pytest.approx([0.010, 0.020])
     assert table.rotation_error_deg.tolist()[:2] == pytest.approx([0.0, np.rad2deg(0.1)], abs=1e-5)
