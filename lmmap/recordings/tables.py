@@ -16,6 +16,7 @@ from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
+from numpy.lib import format as npy_format
 
 from ..files import regular_file
 from ..pipeline.histograms import from_columns
@@ -46,8 +47,8 @@ def read_csv(path: Path) -> Source:
 def read_npy(path: Path) -> Source:
     """Events of a structured array; raises `InputError`.  Nothing in the file is executed."""
     with _table_errors(path):
-        array = _npy(path)
-        columns, unit, size_px = _columns(array.dtype.names or ())
+        rows, _ = _npy(path)
+        columns, unit, size_px = _columns(rows.dtype.names)
     return Source(path, size_px, partial(_npy_events, path, columns, unit))
 
 
@@ -76,17 +77,29 @@ def _csv(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.n
             yield _events(values, unit)
 
 
-def _npy(path: Path) -> np.ndarray:
-    array = np.lib.format.open_memmap(regular_file(path), mode="r")
-    if array.ndim != 1 or array.dtype.names is None:
-        raise ValueError("not a structured array of one dimension")
-    return array
+def _npy(path: Path) -> tuple[np.ndarray, int]:
+    """The whole rows that an array's file holds, and how many rows its header states."""
+    with regular_file(path).open("rb") as file:
+        version = npy_format.read_magic(file)
+        of_version = {(1, 0): npy_format.read_array_header_1_0}
+        shape, _, kind = of_version.get(version, npy_format.read_array_header_2_0)(file)
+        start = file.tell()
+    if len(shape) != 1 or shape[0] < 0 or kind.names is None or kind.hasobject or not kind.itemsize:
+        raise ValueError("not a structured array of numbers in one dimension")
+    if version == (3, 0):
+        kind.names = [name.encode("latin1").decode() for name in kind.names]  # numpy reads it as version 2
+    whole = min((path.stat().st_size - start) // kind.itemsize, *shape)
+    rows = np.memmap(path, kind, "r", start, (whole,)) if whole else np.zeros(0, kind)
+    return rows, *shape
 
 
 def _npy_events(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.ndarray]:
     with _table_errors(path):
-        for piece in pieces(_npy(path), CHUNK):
+        rows, stated = _npy(path)
+        for piece in pieces(rows, CHUNK):
             yield _events({key: np.array(piece[name]) for key, name in columns.items()}, unit)
+        if len(rows) < stated:
+            raise ValueError(f"it ends after {len(rows)} of {stated} rows")
 
 
 def _columns(names) -> tuple[dict[str, str], str | None, tuple[int, int] | None]:

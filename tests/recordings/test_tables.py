@@ -120,11 +120,11 @@ def test_arrays_that_are_no_events(tmp_path):
         ("names.npy", np.zeros(5, [("a", "i4")])),
         ("objects.npy", np.array([{}], object)),
         ("times.npy", np.zeros(5, [("t", "S4"), ("x", "i2"), ("y", "i2"), ("p", "?")])),
+        ("nothing.npy", np.zeros(5, [("t", "S0"), ("x", "S0"), ("y", "S0"), ("p", "S0")])),
     ):
         np.save(tmp_path / name, array, allow_pickle=True)
     whole = tmp_path / "whole.npy"
     np.save(whole, np.zeros(500, [("t", "i8"), ("x", "i2"), ("y", "i2"), ("p", "?")]))
-    (tmp_path / "cut.npy").write_bytes(whole.read_bytes()[:-1])
     (tmp_path / "head.npy").write_bytes(whole.read_bytes()[:40])
     (tmp_path / "magic.npy").write_bytes(b"no array")
     for path in sorted(tmp_path.iterdir()):
@@ -132,3 +132,24 @@ def test_arrays_that_are_no_events(tmp_path):
             with pytest.raises(InputError, match=rf"{path.name}: not a table of events \([^\n]*\); [^\n]*$"):
                 open_recording(path, CAMERA)
     assert len(open_recording(whole, CAMERA).events) == 500
+
+
+def test_a_cut_array_gives_its_whole_rows_and_then_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "CHUNK", 100)
+    events, path = some_events(250), tmp_path / "cut.npy"
+    np.save(path, events)
+    path.write_bytes(path.read_bytes()[:-1])
+    chunks = open_stream(path, CAMERA).chunks()
+    np.testing.assert_array_equal(np.concatenate([next(chunks) for _ in range(3)]), events[:-1])
+    with pytest.raises(InputError, match=r"cut\.npy: [^\n]*ends after 249 of 250 rows[^\n]*;[^\n]*$"):
+        next(chunks)
+
+
+def test_names_that_only_the_third_version_of_the_format_can_hold(tmp_path):
+    events = some_events(5)
+    rows = np.zeros(5, [("x", "<u2"), ("y", "<u2"), ("p", "?"), ("time [\u03bcs]", "<i8")])
+    for ours, theirs in zip(("x", "y", "p", "t_us"), rows.dtype.names, strict=True):
+        rows[theirs] = events[ours]
+    with pytest.warns(UserWarning, match="NumPy >= 1.17"):
+        np.save(tmp_path / "e.npy", rows)
+    np.testing.assert_array_equal(open_recording(tmp_path / "e.npy", CAMERA).events, events)
