@@ -144,6 +144,9 @@ def site():
         server.shutdown()
 
 
+NOT_DRAWN = "mjx-container svg text, mjx-container [data-mml-node=merror]"  # no such glyph, no such command
+
+
 @in_browser
 @pytest.mark.parametrize(
     "name", [n for n in NAMES.values() if n != "index.html" and not n.startswith("_modules")]
@@ -155,6 +158,8 @@ def test_a_page_loads_alone_quietly_and_fits(page, site, name, theme):
     page.open(home + name)
     assert [asked for asked in page.requests() if not asked.startswith(home)] == []
     assert page.ask("document.documentElement.dataset.theme") in (theme, None)
+    assert page.ask("document.querySelectorAll('.math:not(:has(mjx-container))').length") == 0
+    assert page.ask(f"[...document.querySelectorAll('{NOT_DRAWN}')].map(e => e.textContent)") == []
     for width_px in WIDTHS_PX:
         page.show_as(width_px, theme=theme)
         assert page.ask("document.documentElement.scrollWidth") <= width_px, f"scrolls at {width_px} px"

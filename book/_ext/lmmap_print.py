@@ -132,7 +132,7 @@ def document(chapters: list[tuple[str, list[Tag]]], pages: dict[str, int]) -> st
     )
     head = (f'<meta charset="utf-8"><title>{TITLE}</title><style>{STYLE.read_text()}</style>'
             "<script>MathJax = {options: {enableMenu: false, processHtmlClass: 'math'}};</script>"
-            '<script src="../html/_static/mathjax/tex-svg-full.js"></script>')  # fmt: skip
+            '<script src="../html/_static/mathjax/mathjax.js"></script>')  # fmt: skip
     listed = f'<section class="contents"><p class="head">Contents</p>{"".join(contents)}</section>'
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{front}{listed}{text}</body></html>'
 
