@@ -152,7 +152,6 @@ class Settings(PaperSettings):
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look
-    min_tracked_confidence: float = 0.2  # of a pose where the track expects it; benchmarks/track_rates.py
     full_frame_every: int = 20  # images: one a second of the bench's frames
 
     # errors of a pose that one may dock on

@@ -11,7 +11,8 @@ the track's belief and of each contradicting pose's confidence, each is right wi
     p_k' = o_k / (1 + sum o),
 
 and a pose that is likelier than the track takes its place.  Poses that agree leave the largest probability
-of all, since their errors may have one cause.
+of all, since their errors may have one cause.  A pose whose rival alone keeps the gate contradicts the track
+as well; while the track is likelier, the rival corrects it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from ..geometry.rotations import equal_turns
 from ..settings import OURS, MotionSettings, Settings
 from ..types import Estimate, Status, check_number, check_time
-from .gate import match
+from .gate import Match, match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
 
@@ -58,13 +59,13 @@ class Fusion:
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
         self._turns = equal_turns(yaw_period_rad)
         self._statuses: dict[str, Status] = {}
-        self._matched: tuple = None, None, None  # a track, an estimate, and how they match
+        self._matched: tuple[MotionState | None, Estimate | None, Match | None] = None, None, None
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
         """Take the estimates of one time, one of each camera that has an image then.
 
-        Each pose is compared with the prediction; beyond the gate its ``rival`` may stand in for it, and else
-        it contradicts the track.  All that are taken count at once, so their order does not matter.
+        Each pose is compared with the prediction.  Beyond the gate it contradicts the track, and its
+        ``rival`` may stand in for it.  All that are taken count at once, so their order does not matter.
 
         Raises
         ------
@@ -86,18 +87,22 @@ class Fusion:
             track = self._begin(first, e := seen.pop(first), e.confidence)
         if track is None:
             return
-        information, vector, taken, belief = np.zeros((6, 6)), np.zeros(6), {}, self.belief
+        information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
+        belief, contradicting = self.belief, {}
         for camera, e in seen.items():
-            if (close := self._match(track, e)) is None:
-                continue
-            y, S = close
-            weight = np.linalg.inv(S * self._repetition(camera, t_us))
-            information, vector, taken = information + weight, vector + weight @ y, {**taken, camera: t_us}
-            belief = max(belief, e.confidence)
+            close = self._match(track, e)
+            if close is None or close.is_rival:
+                contradicting[camera] = e
+            else:
+                belief = max(belief, e.confidence)
+            if close is not None:
+                weight = np.linalg.inv(close.covariance * self._repetition(camera, t_us))
+                information, vector = information + weight, vector + weight @ close.innovation
+                taken[camera] = t_us
         if taken:
             S = np.linalg.inv(information)
             self.state, self.seen_us = track.correct(S @ vector, S), self.seen_us | taken
-        self._doubt(belief, {camera: e for camera, e in seen.items() if camera not in taken})
+        self._doubt(belief, contradicting)
 
     def fits(self, e: Estimate) -> bool:
         """Whether there is a track, and the estimate or its rival keeps the gate about it."""
@@ -127,14 +132,17 @@ class Fusion:
 
     def _doubt(self, belief: float, contradicting: Mapping[str, Estimate]) -> None:
         """The track's belief after poses that contradict it, the surest of which may take its place."""
+        if not contradicting:
+            self.belief = belief
+            return
         probabilities = [belief, *(e.confidence for e in contradicting.values())]
         odds = [p / (1 - p) for p in np.minimum(probabilities, MOST_BELIEF)]
-        self.belief, *others = np.array(odds) / (1 + sum(odds)) if contradicting else [belief]
-        if max(others, default=0) > self.belief:
+        self.belief, *others = np.array(odds) / (1 + sum(odds))
+        if max(others) > self.belief:
             camera = list(contradicting)[int(np.argmax(others))]
             self._begin(camera, contradicting[camera], max(others))
 
-    def _match(self, track: MotionState, e: Estimate):
+    def _match(self, track: MotionState, e: Estimate) -> Match | None:
         """As `gate.match`, which is asked once for each estimate."""
         if self._matched[0] is not track or self._matched[1] is not e:
             self._matched = track, e, match(track, e, self._turns, self.motion.gate)

@@ -9,6 +9,8 @@ and keeps the gate while y' (P + S)^-1 y is no larger than it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..geometry.rotations import rotation_angle_rad, single_rotation_vector
@@ -16,11 +18,16 @@ from ..types import Estimate, Pose
 from .motion_model import MotionState
 
 
-def match(
-    track: MotionState, e: Estimate, turns: np.ndarray, gate: float
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Innovation (6,) and covariance (6, 6) of an estimate, or of its rival where only that keeps the gate;
-    None where neither does.
+class Match(NamedTuple):
+    """Innovation (6,) and covariance (6, 6) of a measured pose, and whether it is an estimate's rival."""
+
+    innovation: np.ndarray
+    covariance: np.ndarray
+    is_rival: bool
+
+
+def match(track: MotionState, e: Estimate, turns: np.ndarray, gate: float) -> Match | None:
+    """How an estimate keeps the gate, or its rival where only that does; None where neither does.
 
     Parameters
     ----------
@@ -29,13 +36,14 @@ def match(
     gate
         Largest squared Mahalanobis distance.
     """
-    choices = [(e.T_cam_port, e.covariance)]
+    choices = [(e.T_cam_port, e.covariance, False)]
     if e.rival is not None:
-        choices.append((e.rival, rotate_covariance(e.covariance, e.T_cam_port.normal, e.rival.normal)))
-    for T, S in choices:
+        S = rotate_covariance(e.covariance, e.T_cam_port.normal, e.rival.normal)
+        choices.append((e.rival, S, True))
+    for T, S, is_rival in choices:
         y = innovation(track.T_cam_port, T, turns)
         if y @ np.linalg.solve(track.pose_covariance + S, y) <= gate:
-            return y, S
+            return Match(y, S, is_rival)
     return None
 
 

@@ -85,9 +85,9 @@ class Tracker:
                 e, fits = self._measure(known, modality, look, look_us)
             if fits:
                 return self._answer(e, modality, fits)
-            estimates.append((e, fits))
-        best = max(estimates, key=lambda pair: pair[0].T_cam_port is not None)
-        return self._answer(best[0], modality, best[1])
+            estimates.append(e)
+        best = max(estimates, key=lambda e: e.T_cam_port is not None)
+        return self._answer(best, modality, fits=False)
 
     def add_events(self, events) -> int:
         """Correct the pose by the events since the last image, or a part of them; returns how many updates
@@ -142,14 +142,9 @@ class Tracker:
         return self._judge(track, modality, estimator(image, t_us))
 
     def _judge(self, track: Fusion, modality: str, e: Estimate) -> tuple[Estimate, bool]:
-        """An estimate, and whether it fits the track.  A pose that the image alone leaves doubtful is one if
-        the track expected it."""
+        """An estimate with what the track predicted, and whether it fits the track."""
         state = track.predict(e.t_us)
         e = replace(e, predicted=state and state.T_cam_port)
-        if e.status == Status.UNSURE and e.confidence >= self.settings.min_tracked_confidence:
-            sure = replace(e, status=Status.OK, T_cam_port=e.doubtful, doubtful=None)
-            if track.fits(self._track.as_late(modality, sure, track)):
-                return sure, True
         return e, track.fits(self._track.as_late(modality, e, track))
 
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:

@@ -173,6 +173,18 @@ def test_the_rival_stands_in_where_it_fits():
     assert rotation_between_rad(filter_.at(500_000).T_cam_port.rotation, T0.rotation, PERIOD) < 1e-6
 
 
+@pytest.mark.parametrize("confidence", [0.7, 0.97])
+def test_the_likelier_of_a_track_and_of_a_pose_whose_rival_fits_it_stays(confidence):
+    """Track and pose name different normals: p_k = o_k / (1 + o + o'), with the odds of both."""
+    other = moved(T0, np.array([0, 0, 0, np.deg2rad(30), 0, 0]))
+    filter_ = Fusion(PERIOD)
+    filter_.add({"rgb": seen(0, confidence=0.9)})
+    filter_.add({"rgb": seen(1000, other, confidence=confidence, rival=T0)})
+    odds = [0.9 / 0.1, confidence / (1 - confidence)]
+    assert filter_.belief == pytest.approx(max(odds) / (1 + sum(odds)))
+    assert step_between(filter_.at(1000).T_cam_port, T0 if confidence < 0.9 else other) == pytest.approx(0)
+
+
 def test_a_rivals_covariance_is_turned_with_its_normal():
     rng = np.random.default_rng(1)
     S, other = drawn(rng), pose((200, 110), 0.6, 0.4, 2.1)

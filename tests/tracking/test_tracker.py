@@ -97,6 +97,19 @@ def test_nothing_is_ok_that_no_image_shows():
     assert (answers[-1].status, answers[-1].T_cam_port) == (Status.NO_RING, None)
 
 
+def test_a_pose_that_its_image_leaves_doubtful_is_a_prediction_also_where_the_track_expects_it():
+    """Images in a row may have one and the same fault, and a track that follows them confirms it."""
+    scene = Scene(approach(6))
+    tracker, estimator = Tracker(scene.estimator()), scene.estimator()
+    for k in range(4):
+        assert tracker(scene.image(k), STEP_US * k).status == Status.OK
+    estimator.settings = replace(estimator.settings, min_confidence=1.0)
+    tracker.estimators = {"rgb": estimator}
+    e = tracker(scene.image(4), STEP_US * 4)
+    assert (e.status, e.measured) == (Status.PREDICTED, None)
+    assert right(replace(e, status=Status.OK, T_cam_port=e.doubtful), scene.poses[4])
+
+
 @pytest.mark.parametrize("hidden", [1, 2, 6])
 def test_after_a_loss_the_port_is_found_within_two_images_wherever_it_is(hidden):
     elsewhere = [pose((95, 50), 0.9, 0.5, 2.0, 0.7, CAMERA)] * 4
