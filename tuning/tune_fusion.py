@@ -1,6 +1,7 @@
 """Chooses `MotionSettings`, on sequences that neither train nor test anything.
 
     python tuning/tune_fusion.py
+    python tuning/tune_fusion.py --present    # only how well the present settings do, with today's estimates
 
 Realistic sequences under every light and on both skins, each also with frames, events or both taken away
 for a while, because a filter that coasts must know how far it may.  The score is the logarithmic score of
@@ -8,11 +9,13 @@ the true pose under the fused covariance.  It alone would take sharper and sharp
 gain more than the poses outside of them cost.  So only those settings count whose 95 % region holds 95 % of
 the true poses, within a standard error over sequences; of these the one with the best score is chosen.
 How many right and wrong poses `is_certain` keeps is measured on the same estimates.  These are kept in
-data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion.
+data/derived/fusion, so a second run takes minutes; grid and choices go to data/results/fusion, and the
+present settings' share of true poses inside the region to its present.json.
 """
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from itertools import product
 
@@ -104,8 +107,16 @@ def choice(grid: pd.DataFrame) -> pd.Series:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--present", action="store_true", help="measure the present settings, choose none")
     port, plain = Port.lm_map(), [measured(name) for name in SEQUENCES]
     cases = plain + [(recording, silenced(tracks)) for recording, tracks in plain]
+    if parser.parse_args().present:
+        inside = 100 * (scored(cases, OURS.motion, port).nees < chi2.ppf(0.95, 6))
+        values = {"inside_95_percent": float(inside.mean()), "poses": len(inside)}
+        facts = {"command": "python tuning/tune_fusion.py --present", "sequences": SEQUENCES}
+        print(save_json(DATA / "results" / "fusion" / "present.json", values, **facts).read_text())
+        return
     steps = [np.diff(recording.truth.poses.position_m, axis=0) for recording, _ in plain]
     turns = [pose_difference(r.truth.poses[:-1], r.truth.poses[1:], np.pi)[:, 3:] for r, _ in plain]
     start = MotionSettings(

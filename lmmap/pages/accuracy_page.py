@@ -93,10 +93,10 @@ def default_table(table: pd.DataFrame):
     """`accuracy_tables.default_networks` of the images with the ring in view in words, styled."""
     columns = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "none_percent": "no pose (%)",
                "position_error_m": "position (mm)", "normal_error_deg": "normal (°)",
-               "inside_95_percent": "in the 95 % region (%)", "images": "images"}  # fmt: skip
+               "inside_95_percent": "in the 95 % region (%)"}  # fmt: skip
     rows = table[table.light.isin(list(LIGHTS))].assign(position_error_m=1e3 * table.position_error_m)
     rows = rows.replace({"modality": CAMERAS, "light": LIGHTS}).set_index(["light", "modality"])
-    rows = rows[list(columns)].astype({"images": int}).rename(columns=columns)
+    rows = rows[list(columns)].rename(columns=columns)
     return rows.rename_axis(index=(None, None)).style.format(precision=1)
 
 

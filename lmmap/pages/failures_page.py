@@ -135,8 +135,9 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
             ends = share_intervals(table)
             ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
                         color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
-            for row in table.itertuples():
-                ax.annotate(f"{row.poses:,}", (row.confidence, row.right), (5 * side, -12),
+            for k, row in enumerate(table.itertuples()):
+                height = 6 if len(tables) == 1 and k % 2 else -12  # alone, above and below in turn
+                ax.annotate(f"{row.poses:,}", (row.confidence, row.right), (5 * side, height),
                             textcoords="offset points", ha="left" if side > 0 else "right",
                             color=COLOUR[name], size="small")  # fmt: skip
             least = min(least, ends.min(), table.confidence.min())

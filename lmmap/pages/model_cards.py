@@ -36,7 +36,7 @@ def training(domain_gap: str) -> pd.DataFrame:
             kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
             rows.append({
                 "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
-                "training sequences": " and ".join(kinds),
+                "training sequences": ", ".join(kinds),
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
                 "begun from": card["recipe"]["start_from"] or "chance",
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
