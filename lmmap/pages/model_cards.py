@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -66,10 +68,9 @@ def equal_training() -> pd.DataFrame:
         digits = 2 if name == "iou" else 0
         texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
         wide = texts.unstack("domain_gap")
-        columns |= {f"{title}, {gap} gap": wide[gap] for gap in ("low", "high")}
-    rows = pd.DataFrame(columns).reset_index()
-    rows["modality"], rows["light"] = rows.modality.map(CAMERAS), rows.light.map(LIGHTS)
-    return rows.rename(columns={"modality": "camera"}).sort_values("camera", ascending=False, kind="stable")
+        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
+    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
+    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
 
 
 def draw_equal_training(table: pd.DataFrame):
