@@ -2,12 +2,12 @@
 
     python tuning/other_sensors.py [SENSOR ...]
 
-Every sensor records the same short sequences of the bench, which neither train nor test anything.  An image
-counts if the whole ring is in view.  The table has rows for each sensor, light and camera: of rings of a size
-that the networks were trained on (`Settings.trained_ring_px`, in the pixels that they see), and of others.
-Recordings and outcomes are kept in data/derived/sensors, so that an interrupted run goes on; remove the .csv
-files there after a change of the estimator, and all after a change of the bench.  The table is kept in
-data/results/sensors.csv.
+Every sensor records the same short sequences of the bench, which neither train nor test anything, and chose
+no setting.  An image counts if the whole ring is in view of the sensor and of the DAVIS 346.  The table has
+rows for each sensor, light and camera: of rings of a size that the networks were trained on
+(`Settings.trained_ring_px`, in the pixels that they see), and of others.  Recordings and outcomes are kept in
+data/derived/sensors, so that an interrupted run goes on; remove the .csv files there after a change of the
+estimator, and all after a change of the bench.  The table is kept in data/results/sensors.csv.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from choose_thresholds import right
+from scipy.stats import bootstrap
 from tqdm import tqdm
 
 from lmmap.bench import sequences
@@ -32,7 +33,7 @@ from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 
-SEQUENCES = [f"realistic-{n}" for n in (2019, 2011, 2024)]  # one of each light
+SEQUENCES = [f"realistic-{n}" for n in range(2101, 2146)]  # fifteen of each light
 SECONDS, FRAME_HZ, EACH = 0.5, 10, 10  # length, frames a second, and most images of each camera from it
 FOLDER = DERIVED_DATA / "sensors"
 PORT = Port.lm_map()
@@ -82,7 +83,11 @@ def outcomes(name: str, sensor: str, modality: str) -> list[dict]:
     def truth_at(t_us: int) -> Pose:
         return recording.truth.at(np.clip([t_us], *span_us))[0]
 
-    seen = [s for s in timed_images(recording, modality) if in_view(truth_at(s.t_us), PORT, recording.camera)]
+    cameras = recording.camera, SENSORS["DAVIS 346"]
+    seen = [
+        shot for shot in timed_images(recording, modality)
+        if all(in_view(truth_at(shot.t_us), PORT, camera) for camera in cameras)
+    ]  # fmt: skip
     chosen = np.unique(np.linspace(0, len(seen) - 1, min(EACH, len(seen))).astype(int))
     rows = []
     for shot in (seen[i] for i in chosen):
@@ -92,20 +97,41 @@ def outcomes(name: str, sensor: str, modality: str) -> list[dict]:
         pose = estimate.T_cam_port is not None
         good = pose and right(estimate.T_cam_port, truth, PORT)
         ring = circle_ellipse(truth, PORT.ring_radius_m, estimator.grid)
-        rows.append({"sensor": sensor, "focal_px": recording.camera.fx_px, "modality": modality,
-                     "light": sequence(name).light, "trained_size": not outside_training(ring),
+        rows.append({"sequence": name, "sensor": sensor, "focal_px": recording.camera.fx_px,
+                     "modality": modality, "light": sequence(name).light,
+                     "trained_size": not outside_training(ring),
                      "right": good, "wrong": pose and not good, "none": not pose,
                      "cpu_ms": took_ms})  # fmt: skip
     return rows
 
 
 def summary(every: pd.DataFrame) -> pd.DataFrame:
-    """Images and percentages of them, and the median time on one thread."""
+    """Images and percentages of them, the median time on one thread, and for all lights together how many
+    more points are right than with the DAVIS 346."""
     by = ["sensor", "focal_px", "modality", "trained_size"]
     lights = pd.concat([every, every.assign(light="all")])
     groups = lights.groupby([*by, "light"], sort=False)
     percent = (100 * groups[["right", "wrong", "none"]].mean()).add_suffix("_percent")
-    return percent.assign(images=groups.size(), cpu_ms=groups.cpu_ms.median().round()).reset_index()
+    table = percent.assign(images=groups.size(), cpu_ms=groups.cpu_ms.median().round()).reset_index()
+    known = every[every.trained_size]
+    for row in table.query("light == 'all' and trained_size and sensor != 'DAVIS 346'").itertuples():
+        of_camera = known[known.modality == row.modality]
+        gain = gain_percent(*(of_camera[of_camera.sensor == s] for s in ("DAVIS 346", row.sensor)))
+        table.loc[row.Index, ["gain_percent", "gain_percent_low", "gain_percent_high"]] = gain
+    return table
+
+
+def gain_percent(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[float, float, float]:
+    """By how many points more of their images are right than of ours, and its 95 % interval: a bootstrap of
+    the sequences, since images of one sequence are alike."""
+    counts = [t.groupby("sequence").right.agg(["sum", "count"]) for t in (ours, theirs)]
+    both = pd.concat(counts, axis=1, join="inner").to_numpy(float).T
+
+    def gain(right, images, their_right, their_images, axis=-1):
+        return 100 * (their_right.sum(axis) / their_images.sum(axis) - right.sum(axis) / images.sum(axis))
+
+    interval = bootstrap(both, gain, paired=True, method="percentile", rng=np.random.default_rng(0))
+    return float(gain(*both)), *interval.confidence_interval
 
 
 def _label(sensor: str) -> str:

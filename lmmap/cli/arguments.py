@@ -145,6 +145,7 @@ def _add_recordings(commands: Commands) -> None:
     commands.add_output(
         command, "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun", required=True
     )
+    command.add_argument("--resume", action="store_true", help="go on with an interrupted video")
 
     command = commands.add(
         "evaluate",

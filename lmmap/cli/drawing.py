@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from ..files import check_output
 from ..pages.overlay import Overlay
 from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.image_estimator import settings_for
+from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
-from ..types import InputError
+from ..types import Camera, InputError
 from .inputs import find_port, input_files, open_input
 from .progress import Bar
 
@@ -19,19 +22,43 @@ def draw(a) -> None:
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
     timed_images = run.timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
-    drawn = poses = 0
-    view = RerunLog if a.output.suffix.lower() == ".rrd" else Overlay
-    with view(a.output, find_port(a), stream.camera) as video, Bar(stream, a.modality) as bar:
-        for timed in timed_images:
-            images = dict([timed.wider] if timed.wider else []) | {timed.t_us: timed.image}
-            for t_us in sorted(images.keys() & estimates.keys()):
-                video.add(images[t_us], estimates[t_us])
-                drawn += 1
-                poses += estimates[t_us].T_cam_port is not None
-                bar.show(t_us, drawn, poses)
+    view, drawn, poses = _view(a, stream.camera), 0, 0
+    try:
+        with view as video, Bar(stream, a.modality) as bar:
+            for timed in timed_images:
+                images = dict([timed.wider] if timed.wider else []) | {timed.t_us: timed.image}
+                for t_us in sorted(images.keys() & estimates.keys()):
+                    video.add(images[t_us], estimates[t_us])
+                    drawn += 1
+                    poses += estimates[t_us].T_cam_port is not None
+                    bar.show(t_us, drawn, poses)
+    except KeyboardInterrupt:
+        if isinstance(view, RerunLog):
+            raise
+        raise KeyboardInterrupt(f"{view.video.folder} keeps what was drawn, --resume goes on") from None
     if not drawn:
         raise InputError(
             f"{a.poses}: none of its {len(estimates)} times is that of an image of {a.recording}; give the "
             "--modality, --rate and --events that it was made with"
         )
     print(f"{a.output}: {drawn} images, {poses} with a pose")
+
+
+def _view(a, camera: Camera) -> Overlay | RerunLog:
+    """What the estimates are drawn on, by the name of the output."""
+    port = find_port(a)
+    if a.output.suffix.lower() == ".rrd":
+        if a.resume:
+            raise InputError(f"{a.output}: a file for Rerun cannot be resumed; leave --resume out")
+        return RerunLog(a.output, port, camera)
+    made_of = {
+        "recording": recording_mark(a.recording), "poses": recording_mark(a.poses), "fps": a.fps,
+        "modality": a.modality, "rate": a.rate, "events": a.events,
+        "camera": asdict(camera), "port": asdict(port),
+    }  # fmt: skip
+    view = Overlay(a.output, port, camera, made_of, a.resume)
+    if view.video.folder.exists() and not (a.resume or a.overwrite):
+        raise InputError(
+            f"{view.video.folder}: holds an interrupted video; go on with --resume, or give --overwrite"
+        )
+    return view

@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..files import check_folder_of
 from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project, rescale_px
-from ..types import Camera, Estimate, InputError, Port
+from ..types import Camera, Estimate, Port
+from .video import Video
 
 WIDTH_PX = 692  # of the pictures, at least: small sensors are enlarged by whole factors
 COLOUR = {
@@ -21,7 +21,6 @@ COLOUR = {
     "text": (240, 240, 240),
 }
 AXES = ((255, 60, 60), (80, 220, 80), (60, 140, 255))  # x, y, z of the port: red, green, blue
-CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's wheels have no H.264
 
 
 def draw(
@@ -112,41 +111,41 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
 
 
 class Overlay:
-    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``."""
+    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``.
 
-    def __init__(self, path: Path, port: Port, camera: Camera):
-        self.path, self.port, self.camera = path, port, camera
-        self._writer, self._first = None, None
-        if path.suffix.lower() not in CODECS:
-            raise InputError(f"{path}: cannot write '{path.suffix}'; name the video .mp4 or .avi")
-        check_folder_of(path)
+    ``made_of`` and ``resume`` are those of `Video`: pictures that are there already are not drawn again.
+    """
+
+    def __init__(self, path: Path, port: Port, camera: Camera, made_of: dict | None = None, resume=False):
+        self.port, self.camera = port, camera
+        self.video = Video(path, made_of, resume)
+        self._first, self._rate_hz, self._images = None, None, 0
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
         """Draw the next image of the video; an estimate between images has none and is passed over."""
         if image is None:
             return
-        picture = draw(image, estimate, self.camera, self.port, ring_mask)[..., ::-1]
+        self._images += 1
+        is_new = self._images > self.video.kept
+        picture = draw(image, estimate, self.camera, self.port, ring_mask) if is_new else None
         if self._first is None:
             self._first = estimate.t_us, picture
             return
-        if self._writer is None:
-            self._open(1e6 / max(estimate.t_us - self._first[0], 1), picture)
-            self._writer.write(self._first[1])
-        self._writer.write(picture)
+        if self._rate_hz is None:
+            rate_hz = 1e6 / max(estimate.t_us - self._first[0], 1)
+            self._rate_hz = float(np.clip(round(rate_hz, 2), 1, 120))
+            self._write(self._first[1])
+        self._write(picture)
 
-    def _open(self, rate_hz: float, picture: np.ndarray) -> None:
-        fourcc = cv2.VideoWriter_fourcc(*CODECS[self.path.suffix.lower()])
-        rate_hz = float(np.clip(round(rate_hz, 2), 1, 120))
-        self._writer = cv2.VideoWriter(str(self.path), cv2.CAP_FFMPEG, fourcc, rate_hz, picture.shape[1::-1])
-        if not self._writer.isOpened():
-            raise InputError(f"{self.path}: cannot write a video there; choose a folder with room")
+    def _write(self, picture: np.ndarray | None) -> None:
+        if picture is not None:
+            self.video.add(picture, self._rate_hz or 1.0)
 
     def __enter__(self):
+        self.video.__enter__()
         return self
 
-    def __exit__(self, *_):
-        if self._writer is None and self._first is not None:
-            self._open(1.0, self._first[1])
-            self._writer.write(self._first[1])
-        if self._writer is not None:
-            self._writer.release()
+    def __exit__(self, *error):
+        if self._first is not None and self._rate_hz is None:
+            self._write(self._first[1])
+        self.video.__exit__(*error)

@@ -21,8 +21,9 @@ from ..settings import PAPER
 from ..studies.metrics import position_error_m
 from ..types import InputError, Recording
 from . import drawings
-from .overlay import CODECS, draw
+from .overlay import draw
 from .tables import CAMERAS, LIGHTS
+from .video import CODECS
 
 SEQUENCES = {"test-low": LIGHTS["low"], "test-medium": LIGHTS["medium"], "test-high": LIGHTS["high"],
              "hard-reflect": "full reflect"}  # fmt: skip

@@ -62,7 +62,7 @@ class Journal:
             begun = head[: len(content)] if self.format == "csv" else b""
             if not self.mark.exists() and content == begun:
                 return  # killed before its mark had its name: no line to lose
-            self._compare_marks()
+            check_mark(self.path, self.mark, self._made_of)
         whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
             raise InputError(
@@ -82,23 +82,6 @@ class Journal:
             self.done = {e.t_us: e for e in estimates}
             self.done_us, self.statuses = [e.t_us for e in estimates], [str(e.status) for e in estimates]
         self._whole = whole
-
-    def _compare_marks(self) -> None:
-        try:
-            before = json.loads(self.mark.read_text())
-        except (OSError, ValueError):
-            raise InputError(
-                f"{self.path}: nothing beside it says what it was made of ({self.mark.name}), so "
-                "it cannot be resumed; give another name, or --overwrite to replace it"
-            ) from None
-        now = json.loads(json.dumps(self._made_of))
-        if not isinstance(before, dict) or before != now:
-            keys = sorted(set(now) | set(before)) if isinstance(before, dict) else []
-            differing = [key for key in keys if before.get(key) != now.get(key)]
-            raise InputError(
-                f"{self.path}: was made with another {' and '.join(differing) or 'version'}; resume with the "
-                "same recording and settings, or give another name"
-            )
 
     def has(self, *times_us: int) -> bool:
         """Whether an image is done that is estimated at one of these times; `InputError` if its neighbours
@@ -173,6 +156,25 @@ class Journal:
             with suppress(OSError):  # said when it was written
                 self._file.close()
         self._held.close()
+
+
+def check_mark(path: Path, mark: Path, made_of: dict) -> None:
+    """`InputError` unless the file of a mark says that an unfinished output was made of the same."""
+    try:
+        before = json.loads(mark.read_text())
+    except (OSError, ValueError):
+        raise InputError(
+            f"{path}: nothing beside it says what it was made of ({mark.name}), so "
+            "it cannot be resumed; give another name, or --overwrite to replace it"
+        ) from None
+    now = json.loads(json.dumps(made_of))
+    if not isinstance(before, dict) or before != now:
+        keys = sorted(set(now) | set(before)) if isinstance(before, dict) else []
+        differing = [key for key in keys if before.get(key) != now.get(key)]
+        raise InputError(
+            f"{path}: was made with another {' and '.join(differing) or 'version'}; resume with the "
+            "same recording and settings, or give another name"
+        )
 
 
 def recording_mark(path) -> dict:

@@ -12,6 +12,7 @@ import test_rosbag2 as ros2
 from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
+from lmmap.pages import overlay
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import READERS, open_recording, write_recording
 from lmmap.types import Recording
@@ -179,3 +180,29 @@ def test_poses_are_drawn_afterwards(tmp_path, mini, capsys):
     )
     err = capsys.readouterr().err
     assert "give the --modality, --rate and --events" in err and not (tmp_path / "n.mp4").exists()
+
+
+def test_an_interrupted_drawing_goes_on(tmp_path, capsys, monkeypatch):
+    """Ctrl-C keeps what was drawn; --resume draws the rest, and no other command may lose it."""
+    poses, video = tmp_path / "poses.csv", tmp_path / "o.mp4"
+    images = ["--modality", "rgb", "--rate", "5"]
+    assert main.main(["estimate", str(MINI), *images, "-o", str(poses)]) == 0
+    command = ["draw", str(MINI), str(poses), *images, "-o", str(video)]
+
+    def stop(self, t_us, drawn, poses):
+        if drawn == 3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("lmmap.cli.drawing.Bar.show", stop)
+        assert main.main(command) == 130
+    assert "o.mp4.parts keeps what was drawn, --resume goes on" in capsys.readouterr().err
+    assert main.main(command) == 1
+    assert "go on with --resume, or give --overwrite" in capsys.readouterr().err
+    anew, draw = [], overlay.draw
+    monkeypatch.setattr(overlay, "draw", lambda *a: anew.append(1) or draw(*a))
+    assert main.main([*command, "--resume"]) == 0
+    count = len(poses.read_text().splitlines()) - 1
+    film = cv2.VideoCapture(str(video))
+    assert sum(film.read()[0] for _ in range(count + 3)) == count == len(anew) + 3
+    assert sorted(p.name for p in tmp_path.iterdir() if "o.mp4" in p.name) == ["o.mp4"]

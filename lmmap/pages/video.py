@@ -1,0 +1,152 @@
+"""Videos, picture by picture; an interrupted one can be gone on with."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..files import atomic, check_folder_of, lock, write_text
+from ..recordings.journal import check_mark
+from ..types import InputError
+
+CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's wheels have no H.264
+SEGMENT = 48  # pictures, four of the encoder's groups; a killed run loses fewer than these
+NO_INTERVAL = 10**6  # of pictures between key frames; else each counts as one, and browsers give up
+
+
+class Video:
+    """A video that grows picture by picture; use it in ``with``.
+
+    Parameters
+    ----------
+    path
+        Its name, which ends in .mp4 or .avi.
+    made_of
+        What the pictures depend on, as JSON, for a video that can be resumed.  Its segments are kept in the
+        folder ``NAME.parts`` until they are joined, which needs no second encoding.  None: an error ends the
+        video after its last picture.
+    resume
+        Go on with the segments that are there: ``kept`` is the number of their pictures.
+
+    Raises
+    ------
+    InputError
+        For a name that ends otherwise, what cannot be written, and segments that were made of something else.
+    """
+
+    def __init__(self, path: Path, made_of: dict | None = None, resume: bool = False):
+        if path.suffix.lower() not in CODECS:
+            raise InputError(f"{path}: cannot write '{path.suffix}'; name the video .mp4 or .avi")
+        check_folder_of(path)
+        self.path, self.kept = path, 0
+        self._made_of, self._resume = made_of, resume
+        self._writer, self._pictures = None, 0
+        self._held = ExitStack()
+
+    @property
+    def folder(self) -> Path:
+        """Where the segments are."""
+        return self.path.with_name(self.path.name + ".parts")
+
+    @property
+    def _segments(self) -> list[Path]:
+        """Segments that are whole, named by their first picture and their number of pictures."""
+        return sorted(self.folder.glob("[0-9]*-[0-9]*.*"))
+
+    @property
+    def _begun(self) -> Path:
+        """The file that is being written."""
+        return self.path if self._made_of is None else self.folder / f"begun{self.path.suffix}"
+
+    def add(self, picture: np.ndarray, rate_hz: float) -> None:
+        """Write the next picture (H, W, 3) u8 RGB; the first one sets size and rate."""
+        if self._writer is None:
+            self._writer = _writer(self._begun, rate_hz, picture.shape[1::-1], self.path.suffix)
+        self._writer.write(picture[..., ::-1])
+        self._pictures += 1
+        if self._made_of is not None and self._pictures == SEGMENT:
+            self._end_segment()
+
+    def _end_segment(self) -> None:
+        if self._writer is None:
+            return
+        self._writer.release()
+        count, self._writer, self._pictures = self._pictures, None, 0
+        if cv2.VideoCapture(str(self._begun)).get(cv2.CAP_PROP_FRAME_COUNT) != count:
+            raise InputError(f"{self.path}: cannot write all pictures; choose a folder with room")
+        if self._made_of is not None:
+            first = sum(_count(segment) for segment in self._segments)
+            os.replace(self._begun, self.folder / f"{first:06}-{count:06}{self.path.suffix}")
+
+    def _join(self) -> None:
+        segments = self._segments
+        if segments:
+            with atomic(self.path) as temporary:
+                join(segments, temporary)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def __enter__(self):
+        if self._made_of is None:
+            return self
+        self._held.enter_context(lock(self.path))
+        try:
+            mark = self.folder / "made-of"
+            if self._resume and self.folder.exists():
+                check_mark(self.folder, mark, self._made_of)
+            else:
+                if self.folder.exists() and not mark.is_file():
+                    raise InputError(f"{self.folder}: is not of an interrupted video; give another name")
+                shutil.rmtree(self.folder, ignore_errors=True)
+                write_text(mark, json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
+        except BaseException:
+            self._held.close()
+            raise
+        self.kept = sum(_count(segment) for segment in self._segments)
+        return self
+
+    def __exit__(self, error, *_):
+        with self._held:
+            self._end_segment()
+            if self._made_of is not None and error is None:
+                self._join()
+
+
+def join(segments: list[Path], path: Path) -> None:
+    """Join videos of one codec, size and rate, without encoding them anew."""
+    first = cv2.VideoCapture(str(segments[0]))
+    size_px = tuple(int(first.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    rate_hz = first.get(cv2.CAP_PROP_FPS)
+    raw = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1, cv2.VIDEOWRITER_PROP_KEY_INTERVAL, NO_INTERVAL]
+    whole = _writer(path, rate_hz, size_px, path.suffix, raw)
+    for packet, is_key in (p for segment in segments for p in packets(segment)):
+        whole.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, int(is_key))
+        whole.write(packet)
+    whole.release()
+    if cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) != sum(map(_count, segments)):
+        raise InputError(f"{path}: cannot write all pictures; choose a folder with room")
+
+
+def packets(path: Path) -> Iterator[tuple[np.ndarray, bool]]:
+    """The encoded pictures of a video, and whether each is a key frame, at which a player can begin."""
+    video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    while (packet := video.read())[0]:
+        yield packet[1], bool(video.get(cv2.CAP_PROP_LRF_HAS_KEY_FRAME))
+
+
+def _count(segment: Path) -> int:
+    return int(segment.stem.split("-")[1])
+
+
+def _writer(path: Path, rate_hz: float, size_px: tuple, suffix: str, options=()) -> cv2.VideoWriter:
+    fourcc = cv2.VideoWriter_fourcc(*CODECS[suffix.lower()])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, rate_hz, size_px, list(options))
+    if not writer.isOpened():
+        raise InputError(f"{path}: cannot write a video there; choose a folder with room")
+    return writer
