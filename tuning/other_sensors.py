@@ -4,8 +4,9 @@
 
 Every sensor records the same short sequences of the bench, which neither train nor test anything, and chose
 no setting.  An image counts if the whole ring is in view of the sensor and of the DAVIS 346.  The table has
-rows for each sensor, light and camera: of rings of a size that the networks were trained on
-(`Settings.trained_ring_px`, in the pixels that they see), and of others.  Recordings and outcomes are kept in
+rows for each sensor, light, camera and ring: "trained" are rings of a size that the networks were trained on
+(`Settings.trained_ring_px`), "enlarged" have it in the enlarged frame of a short lens only, "other" are the
+rest.  Recordings and outcomes are kept in
 data/derived/sensors, so that an interrupted run goes on; remove the .csv files there after a change of the
 estimator, and all after a change of the bench.  The table is kept in data/results/sensors.csv.
 """
@@ -31,7 +32,8 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import outside_training
 from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
-from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
+from lmmap.settings import OURS
+from lmmap.types import EVENT, Camera, Ellipse, Port, Pose, Recording, Trajectory
 
 SEQUENCES = [f"realistic-{n}" for n in range(2101, 2146)]  # fifteen of each light
 SECONDS, FRAME_HZ, EACH = 0.5, 10, 10  # length, frames a second, and most images of each camera from it
@@ -99,22 +101,30 @@ def outcomes(name: str, sensor: str, modality: str) -> list[dict]:
         ring = circle_ellipse(truth, PORT.ring_radius_m, estimator.grid)
         rows.append({"sequence": name, "sensor": sensor, "focal_px": recording.camera.fx_px,
                      "modality": modality, "light": sequence(name).light,
-                     "trained_size": not outside_training(ring),
+                     "ring": ring_size(ring, recording.camera, estimator.grid),
                      "right": good, "wrong": pose and not good, "none": not pose,
                      "cpu_ms": took_ms})  # fmt: skip
     return rows
 
 
+def ring_size(ring: Ellipse, camera: Camera, grid: Camera) -> str:
+    """How large the networks see a ring of the pixels of ``grid``: "trained", "enlarged" or "other"."""
+    if outside_training(ring):
+        return "other"
+    own_px = ring.semi_axes_px[0] / max(1.0, grid.fx_px / camera.fx_px)
+    return "trained" if own_px >= OURS.trained_ring_px[0] else "enlarged"
+
+
 def summary(every: pd.DataFrame) -> pd.DataFrame:
     """Images and percentages of them, the median time on one thread, and for all lights together how many
     more points are right than with the DAVIS 346."""
-    by = ["sensor", "focal_px", "modality", "trained_size"]
+    by = ["sensor", "focal_px", "modality", "ring"]
     lights = pd.concat([every, every.assign(light="all")])
     groups = lights.groupby([*by, "light"], sort=False)
     percent = (100 * groups[["right", "wrong", "none"]].mean()).add_suffix("_percent")
     table = percent.assign(images=groups.size(), cpu_ms=groups.cpu_ms.median().round()).reset_index()
-    known = every[every.trained_size]
-    for row in table.query("light == 'all' and trained_size and sensor != 'DAVIS 346'").itertuples():
+    known = every[every.ring == "trained"]
+    for row in table.query("light == 'all' and ring == 'trained' and sensor != 'DAVIS 346'").itertuples():
         of_camera = known[known.modality == row.modality]
         gain = gain_percent(*(of_camera[of_camera.sensor == s] for s in ("DAVIS 346", row.sensor)))
         table.loc[row.Index, ["gain_percent", "gain_percent_low", "gain_percent_high"]] = gain

@@ -131,13 +131,18 @@ def ranges() -> pd.DataFrame:
 
 
 def sensors() -> pd.DataFrame:
-    """Right and wrong poses by sensor, over all lights, of rings of a size that the networks know."""
-    table = pd.read_csv(DATA / "results" / "sensors.csv").query("light == 'all' and trained_size")
+    """Right and wrong poses by sensor, over all lights, of rings of a size that the networks know; in
+    brackets the 95 % interval of the comparison with the DAVIS 346."""
+    table = pd.read_csv(DATA / "results" / "sensors.csv").query("light == 'all' and ring != 'other'")
+    ends = table[["gain_percent", "gain_percent_low", "gain_percent_high"]].to_numpy()
+    gains = ["" if np.isnan(row[0]) else "{:+.0f} ({:+.0f} to {:+.0f})".format(*row) for row in ends]
+    texts = table[["right_percent", "wrong_percent", "images", "cpu_ms"]].map("{:.0f}".format)
+    right, wrong, images, time_ms = texts.to_numpy().T
     return pd.DataFrame({
-        "sensor": table.sensor, "focal length (px)": table.focal_px, "camera": table.modality.map(CAMERAS),
-        "right (%)": table.right_percent, "wrong (%)": table.wrong_percent, "images": table.images,
-        "time (ms)": table.cpu_ms,
-    })  # fmt: skip
+        "sensor": table.sensor, "camera": table.modality.map(CAMERAS),
+        "ring": table.ring.replace({"trained": "known"}), "right (%)": right, "minus DAVIS 346": gains,
+        "wrong (%)": wrong, "images": images, "time (ms)": time_ms,
+    }).set_index(["sensor", "camera", "ring"])  # fmt: skip
 
 
 def formats() -> pd.DataFrame:
