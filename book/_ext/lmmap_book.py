@@ -193,6 +193,7 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 
 
 def setup(app):
+    app.setup_extension("lmmap_settings")
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
     app.connect("config-inited", order_search)

@@ -134,8 +134,11 @@ def sensors() -> pd.DataFrame:
     """Right and wrong poses by sensor, over all lights, of rings of a size that the networks know; in
     brackets the 95 % interval of the comparison with the DAVIS 346."""
     table = pd.read_csv(DATA / "results" / "sensors.csv").query("light == 'all' and ring != 'other'")
+    table = table.assign(order=pd.factorize(table.sensor)[0]).sort_values(
+        ["order", "modality", "ring"], ascending=[True, False, False]
+    )
     ends = table[["gain_percent", "gain_percent_low", "gain_percent_high"]].to_numpy()
-    gains = ["" if np.isnan(row[0]) else "{:+.0f} ({:+.0f} to {:+.0f})".format(*row) for row in ends]
+    gains = ["" if np.isnan(row[0]) else "{:+d} ({:+d} to {:+d})".format(*map(round, row)) for row in ends]
     texts = table[["right_percent", "wrong_percent", "images", "cpu_ms"]].map("{:.0f}".format)
     right, wrong, images, time_ms = texts.to_numpy().T
     return pd.DataFrame({
