@@ -18,6 +18,7 @@ def field_list(cls: type) -> list[str]:
     for comment, run in groupby(source, lambda line: bool(COMMENT.fullmatch(line))):
         if comment:
             text = " ".join(COMMENT.fullmatch(line)["text"] for line in run)
+            text = text[0].upper() + text[1:]
             lines += ["", text if text.endswith(".") else text + ":", ""]
         else:
             lines += [_item(field) for line in run if (field := FIELD.fullmatch(line))]

@@ -18,12 +18,12 @@ def test_every_field_is_listed_with_its_default(cls):
     whole = [match for item in items if (match := ITEM.fullmatch(item))]
     for name, default in (match.groups() for match in whole):
         assert eval(default, vars(settings)) == getattr(cls, name)
-    assert len(items) - len(whole) == sum(": a `MotionSettings`" in item for item in items)
+    assert len(items) - len(whole) == sum(bool(re.search(r": a `\w+Settings`", item)) for item in items)
 
 
 def test_comments_stand_where_they_do_in_the_source():
     lines = field_list(settings.Settings)
-    assert lines[lines.index("ellipse:") + 2].startswith("* ``ransac_hypotheses``: ``500``, H of the paper")
+    assert lines[lines.index("Ellipse:") + 2].startswith("* ``ransac_hypotheses``: ``500``, H of the paper")
 
 
 def test_a_class_without_defaults_keeps_its_signature():
