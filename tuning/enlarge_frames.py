@@ -13,19 +13,17 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 from choose_thresholds import right
-from other_sensors import FRAME_HZ, PORT, SENSORS
+from other_sensors import FRAME_HZ, PORT, SENSORS, is_seen, true_pose
 from tqdm import tqdm
 from wrong_poses import SETS
 
 from lmmap.bench import sequences
-from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.provenance import DATA, save_table
-from lmmap.settings import OURS, PerCamera
+from lmmap.settings import OURS, PerCamera, Settings
 
 SEQUENCES, SECONDS = list(SETS["bench, tuning"]), 0.3
 LENSES = ("240 x 180", "346 x 260, twice the view", "346 x 260, three times the view")
@@ -37,19 +35,23 @@ def outcomes(name: str, lens: str) -> list[dict]:
     camera, rows = SENSORS[lens], []
     setup = sequences.Setup(frame_hz=FRAME_HZ)
     recording = sequences.simulate(name, SECONDS, camera=camera, setup=setup)
+    with warnings.catch_warnings(action="ignore"):  # short lenses are named by the table
+        estimators = {factor: Estimator(camera, PORT, "rgb", settings=enlarged(factor)) for factor in FACTORS}
     for shot in timed_images(recording, "rgb"):
-        truth = recording.truth.at(np.clip([shot.t_us], *recording.truth.t_us[[0, -1]]))[0]
-        if not all(in_view(truth, PORT, c) for c in (camera, SENSORS["DAVIS 346"])):
+        truth = true_pose(recording, shot.t_us)
+        if not is_seen(truth, recording):
             continue
-        for factor in FACTORS:
-            settings = replace(OURS, enlargement=PerCamera(rgb=factor, event=1.0))
-            with warnings.catch_warnings(action="ignore"):  # short lenses are named by the table
-                estimator = Estimator(camera, PORT, "rgb", settings=settings)
+        for factor, estimator in estimators.items():
             pose = estimate_image(estimator, shot)[1].T_cam_port
             good = pose is not None and right(pose, truth, PORT)
             rows.append({"lens": lens, "image": (name, shot.t_us), "factor": str(factor), "right": good,
                          "wrong": pose is not None and not good})  # fmt: skip
     return rows
+
+
+def enlarged(factor: float) -> Settings:
+    """Settings that enlarge frames by a factor at most."""
+    return replace(OURS, enlargement=PerCamera(rgb=factor, event=1.0))
 
 
 def main() -> None:

@@ -75,27 +75,28 @@ def recorded(name: str, sensor: str) -> Recording:
         return Recording(name, camera, d["events"].view(EVENT), d["frames"], d["ft"], truth)
 
 
+def true_pose(recording: Recording, t_us: int) -> Pose:
+    """The true pose at a time, or at the truth's nearest end."""
+    return recording.truth.at(np.clip([t_us], *recording.truth.t_us[[0, -1]]))[0]
+
+
+def is_seen(truth: Pose, recording: Recording) -> bool:
+    """Whether the whole ring is in view of the recording's sensor and of the DAVIS 346."""
+    return all(in_view(truth, PORT, camera) for camera in (recording.camera, SENSORS["DAVIS 346"]))
+
+
 def outcomes(name: str, sensor: str, modality: str) -> list[dict]:
     """A row for each of at most `EACH` images with the ring in view."""
     recording = recorded(name, sensor)
     with warnings.catch_warnings(action="ignore"):  # short lenses are named by the table
         estimator = Estimator(recording.camera, PORT, modality)
-    span_us = recording.truth.t_us[[0, -1]]
-
-    def truth_at(t_us: int) -> Pose:
-        return recording.truth.at(np.clip([t_us], *span_us))[0]
-
-    cameras = recording.camera, SENSORS["DAVIS 346"]
-    seen = [
-        shot for shot in timed_images(recording, modality)
-        if all(in_view(truth_at(shot.t_us), PORT, camera) for camera in cameras)
-    ]  # fmt: skip
+    seen = [s for s in timed_images(recording, modality) if is_seen(true_pose(recording, s.t_us), recording)]
     chosen = np.unique(np.linspace(0, len(seen) - 1, min(EACH, len(seen))).astype(int))
     rows = []
     for shot in (seen[i] for i in chosen):
         began_s = time.thread_time()
         _, estimate = estimate_image(estimator, shot)
-        took_ms, truth = 1e3 * (time.thread_time() - began_s), truth_at(estimate.t_us)
+        took_ms, truth = 1e3 * (time.thread_time() - began_s), true_pose(recording, estimate.t_us)
         pose = estimate.T_cam_port is not None
         good = pose and right(estimate.T_cam_port, truth, PORT)
         ring = circle_ellipse(truth, PORT.ring_radius_m, estimator.grid)

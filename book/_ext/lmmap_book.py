@@ -15,6 +15,7 @@ from docutils import nodes
 from jupyter_cache import get_cache
 from lmmap_icons import slim
 from lmmap_notebooks import known_numbers, readable
+from lmmap_settings import hide_signature, list_fields
 from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
@@ -193,12 +194,13 @@ def escape_mathematics(app, what, name, obj, options, lines) -> None:
 
 
 def setup(app):
-    app.setup_extension("lmmap_settings")
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
     app.connect("config-inited", order_search)
     app.connect("source-read", list_modules)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", list_fields, priority=600)  # after napoleon
+    app.connect("autodoc-process-signature", hide_signature)
     app.connect("builder-inited", name_build)
     app.connect("builder-inited", prepare_static)
     app.connect("doctree-read", link_binder)

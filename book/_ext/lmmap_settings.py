@@ -31,26 +31,20 @@ def _item(field: re.Match) -> str:
     return f"* ``{field['name']}``: {default}" + (f", {field['comment']}" if field["comment"] else "")
 
 
-def _of_settings(what: str, cls) -> bool:
-    return (
-        what == "class" and is_dataclass(cls) and cls.__module__ == "lmmap.settings" and bool(field_list(cls))
-    )
+def _fields(what: str, cls) -> list[str]:
+    """The list of fields of a class of settings; of all else, none."""
+    of_settings = what == "class" and is_dataclass(cls) and cls.__module__ == "lmmap.settings"
+    return field_list(cls) if of_settings else []
 
 
 def hide_signature(app, what, name, obj, options, signature, annotation):
     """No signature where the list of fields says more."""
-    return ("", None) if _of_settings(what, obj) else None
+    return ("", None) if _fields(what, obj) else None
 
 
 def list_fields(app, what, name, obj, options, lines) -> None:
     """The list of fields below a class's docstring."""
-    if _of_settings(what, obj):
+    if fields := _fields(what, obj):
         bases = [f"`{base.__name__}`" for base in obj.__bases__ if is_dataclass(base)]
         lines += ["", f"The fields of {bases[0]}, and:", ""] if bases else []
-        lines += field_list(obj)
-
-
-def setup(app):
-    app.connect("autodoc-process-signature", hide_signature)
-    app.connect("autodoc-process-docstring", list_fields, priority=600)  # after napoleon
-    return {"parallel_read_safe": True}
+        lines += fields

@@ -23,7 +23,7 @@ from ..types import InputError, Recording
 from . import drawings
 from .overlay import draw
 from .tables import CAMERAS, LIGHTS
-from .video import CODECS
+from .video import Video
 
 SEQUENCES = {"test-low": LIGHTS["low"], "test-medium": LIGHTS["medium"], "test-high": LIGHTS["high"],
              "hard-reflect": "full reflect"}  # fmt: skip
@@ -94,16 +94,14 @@ def write(path: Path, folder: Path, sequences=SEQUENCES) -> None:
         start_s += len(seen["rgb"]) / PAPER.rate_hz
     plot = plot_errors({m: np.array(rows).T for m, rows in errors.items()}, bounds_s, start_s)
     size = 2 * WIDE_PX, TALL_PX * 3 // 2 + PLOT_PX
-    fourcc = cv2.VideoWriter_fourcc(*CODECS[path.suffix])
     shown = tuple(2 * round(SHARE * side / 2) for side in size)  # even, as the codec wants it
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, PAPER.rate_hz / STEP, shown)
-    for t_s, frame, histogram in moments[::STEP]:
-        below = plot.copy()
-        x = min(int(t_s / start_s * size[0]), size[0] - 2)
-        below[:, x : x + 2] = (0, 0, 0)
-        picture = np.vstack([np.hstack([frame, histogram]), below])[..., ::-1]
-        writer.write(cv2.resize(picture, shown, interpolation=cv2.INTER_AREA))
-    writer.release()
+    with Video(path) as video:
+        for t_s, frame, histogram in moments[::STEP]:
+            below = plot.copy()
+            x = min(int(t_s / start_s * size[0]), size[0] - 2)
+            below[:, x : x + 2] = (0, 0, 0)
+            picture = np.vstack([np.hstack([frame, histogram]), below])
+            video.add(cv2.resize(picture, shown, interpolation=cv2.INTER_AREA), PAPER.rate_hz / STEP)
 
 
 class Player:

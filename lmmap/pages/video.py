@@ -51,6 +51,11 @@ class Video:
         self._held = ExitStack()
 
     @property
+    def goes_on(self) -> bool:
+        """Whether an error leaves segments to go on with."""
+        return self._made_of is not None
+
+    @property
     def folder(self) -> Path:
         """Where the segments are."""
         return self.path.with_name(self.path.name + ".parts")
@@ -63,15 +68,15 @@ class Video:
     @property
     def _begun(self) -> Path:
         """The file that is being written."""
-        return self.path if self._made_of is None else self.folder / f"begun{self.path.suffix}"
+        return self.folder / f"begun{self.path.suffix}" if self.goes_on else self.path
 
     def add(self, picture: np.ndarray, rate_hz: float) -> None:
         """Write the next picture (H, W, 3) u8 RGB; the first one sets size and rate."""
         if self._writer is None:
-            self._writer = _writer(self._begun, rate_hz, picture.shape[1::-1], self.path.suffix)
+            self._writer = _writer(self._begun, rate_hz, picture.shape[1::-1])
         self._writer.write(picture[..., ::-1])
         self._pictures += 1
-        if self._made_of is not None and self._pictures == SEGMENT:
+        if self.goes_on and self._pictures == SEGMENT:
             self._end_segment()
 
     def _end_segment(self) -> None:
@@ -79,9 +84,8 @@ class Video:
             return
         self._writer.release()
         count, self._writer, self._pictures = self._pictures, None, 0
-        if cv2.VideoCapture(str(self._begun)).get(cv2.CAP_PROP_FRAME_COUNT) != count:
-            raise InputError(f"{self.path}: cannot write all pictures; choose a folder with room")
-        if self._made_of is not None:
+        _check_count(self._begun, count)
+        if self.goes_on:
             first = sum(_count(segment) for segment in self._segments)
             os.replace(self._begun, self.folder / f"{first:06}-{count:06}{self.path.suffix}")
 
@@ -93,16 +97,16 @@ class Video:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def __enter__(self):
-        if self._made_of is None:
+        if not self.goes_on:
             return self
         self._held.enter_context(lock(self.path))
         try:
             mark = self.folder / "made-of"
             if self._resume and self.folder.exists():
                 check_mark(self.folder, mark, self._made_of)
+            elif self.folder.exists() and not mark.is_file():
+                raise InputError(f"{self.folder}: is not of an interrupted video; give another name")
             else:
-                if self.folder.exists() and not mark.is_file():
-                    raise InputError(f"{self.folder}: is not of an interrupted video; give another name")
                 shutil.rmtree(self.folder, ignore_errors=True)
                 write_text(mark, json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
         except BaseException:
@@ -114,7 +118,7 @@ class Video:
     def __exit__(self, error, *_):
         with self._held:
             self._end_segment()
-            if self._made_of is not None and error is None:
+            if self.goes_on and error is None:
                 self._join()
 
 
@@ -124,13 +128,13 @@ def join(segments: list[Path], path: Path) -> None:
     size_px = tuple(int(first.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     rate_hz = first.get(cv2.CAP_PROP_FPS)
     raw = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1, cv2.VIDEOWRITER_PROP_KEY_INTERVAL, NO_INTERVAL]
-    whole = _writer(path, rate_hz, size_px, path.suffix, raw)
+    whole, count = _writer(path, rate_hz, size_px, raw), 0
     for packet, is_key in (p for segment in segments for p in packets(segment)):
+        count += 1
         whole.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, int(is_key))
         whole.write(packet)
     whole.release()
-    if cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) != sum(map(_count, segments)):
-        raise InputError(f"{path}: cannot write all pictures; choose a folder with room")
+    _check_count(path, count)
 
 
 def packets(path: Path) -> Iterator[tuple[np.ndarray, bool]]:
@@ -144,8 +148,14 @@ def _count(segment: Path) -> int:
     return int(segment.stem.split("-")[1])
 
 
-def _writer(path: Path, rate_hz: float, size_px: tuple, suffix: str, options=()) -> cv2.VideoWriter:
-    fourcc = cv2.VideoWriter_fourcc(*CODECS[suffix.lower()])
+def _check_count(path: Path, count: int) -> None:
+    """`InputError` unless a written video holds so many pictures; OpenCV is silent on a full disk."""
+    if cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) != count:
+        raise InputError(f"{path}: cannot write all pictures; choose a folder with room")
+
+
+def _writer(path: Path, rate_hz: float, size_px: tuple, options=()) -> cv2.VideoWriter:
+    fourcc = cv2.VideoWriter_fourcc(*CODECS[path.suffix.lower()])
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, rate_hz, size_px, list(options))
     if not writer.isOpened():
         raise InputError(f"{path}: cannot write a video there; choose a folder with room")
