@@ -41,7 +41,7 @@ def started(recording, port: Port) -> Between:
     track = Between(recording.camera, port)
     for t_us in range(0, 200_001, 50_000):
         T = recording.truth.at(np.array([t_us]))[0]
-        track.add({"event": Estimate(t_us, Status.OK, T, covariance=GOOD)})
+        track.add({"event": Estimate(t_us, Status.OK, T, covariance=GOOD, confidence=0.99)})
     return track
 
 

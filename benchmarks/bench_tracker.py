@@ -2,9 +2,9 @@
 
     OMP_WAIT_POLICY=PASSIVE python benchmarks/bench_tracker.py
 
-All three see every image in turn, one at a time, in bfloat16 and in float32; medians over images.  The plain
-path is that of `bench_pipeline`: the paper's steps, eager float32 networks on full frames.  What the binning
-of a histogram takes is added to each.
+Each goes through the recording by itself, one image at a time, as it would in use; they take turns, lap by
+lap, in bfloat16 and in float32.  Medians over images.  The plain path is that of `bench_pipeline`: the
+paper's steps, eager float32 networks on full frames.  What the binning of a histogram takes is added to each.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import plain
 import torch
 from bench_pipeline import Watch, has_bfloat16, papers
 
+from lmmap.files import tune_allocator
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.run import timed_images
@@ -27,44 +28,49 @@ from lmmap.settings import PAPER
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import Status
 
-GOAL_HZ = {"bfloat16": 50.0, "float32": 30.0}
-LEAST_RATIO = 10.0  # to the plain path, in the faster precision
-WARM = 3  # images that nothing counts of
+GOALS = {"bfloat16": (50.0, 10.0), "float32": (30.0, 1.0)}  # Hz, and times the plain path
+WARM, LAPS = 3, {"plain": 1, "frame by frame": 2, "tracker": 4}  # images of a lap that do not count, and laps
 
 
 def run(recording, modality: str, precision: str) -> dict[str, float]:
     """Median ms of an image by each way, and the tracker's share of answers that are ok."""
     estimator = Estimator(recording.camera, modality=modality, precision=precision)
-    tracker, nets, watch, statuses = Tracker(estimator), plain.nets(modality), Watch(), []
-    events = recording.events[: PAPER.events_per_window]
-    for k, shot in enumerate(timed_images(recording, modality)):
-        if k == WARM:
-            watch.seconds.clear()
-        if modality == "event":
-            watch("binning", histogram, events["x"], events["y"], recording.camera.size_px)
-        watch("plain", papers, Watch(), nets, estimator, shot.image)
-        watch("frame by frame", estimator, shot.image, shot.t_us)
-        statuses.append(watch("tracker", tracker, shot.image, shot.t_us).status)
+    shots, nets, watch = list(timed_images(recording, modality)), plain.nets(modality), Watch()
+    statuses = []
+    for lap in range(max(LAPS.values())):
+        tracker = Tracker(estimator)
+        ways = {
+            "plain": lambda shot: papers(Watch(), nets, estimator, shot.image),
+            "frame by frame": lambda shot: estimator(shot.image, shot.t_us),
+            "tracker": lambda shot, tracker=tracker: statuses.append(tracker(shot.image, shot.t_us).status),
+        }
+        for name, way in ways.items():
+            for k, shot in enumerate(shots if lap < LAPS[name] else ()):
+                (watch if k >= WARM else Watch())(name, way, shot)
     ms = watch.ms()
-    binning_ms = ms.pop("binning", 0.0)
-    ok_percent = 100 * float(np.mean([status == Status.OK for status in statuses]))
-    return {name: value + binning_ms for name, value in ms.items()} | {"ok_percent": ok_percent}
+    if modality == "event":
+        events = recording.events[: PAPER.events_per_window]
+        for _ in shots:
+            watch("binning", histogram, events["x"], events["y"], recording.camera.size_px)
+        ms = {name: value + watch.ms()["binning"] for name, value in ms.items()}
+    return ms | {"ok_percent": 100 * float(np.mean([status == Status.OK for status in statuses]))}
 
 
 def main() -> None:
+    tune_allocator()  # as the command does
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
     print(f"{torch.get_num_threads()} threads, processor {'with' if has_bfloat16() else 'without'} bfloat16")
     print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
-    for precision, goal_hz in GOAL_HZ.items():
+    for precision, (goal_hz, goal_ratio) in GOALS.items():
         for modality in ("rgb", "event"):
             ms = run(recording, modality, precision)
             hz, ratio = 1e3 / ms["tracker"], ms["plain"] / ms["tracker"]
-            reached = hz >= goal_hz and ratio >= LEAST_RATIO
+            reached = hz >= goal_hz and ratio >= goal_ratio
             alone_ms, mine_ms, plain_ms = ms["frame by frame"], ms["tracker"], ms["plain"]
             print(f"{precision:9}{modality:6}plain {plain_ms:6.1f} ms, frame by frame {alone_ms:5.1f} ms, "
                   f"tracker {mine_ms:5.1f} ms = {hz:5.1f} Hz: {ratio:4.1f}x plain, "
                   f"{alone_ms / mine_ms:3.1f}x frame by frame, ok {ms['ok_percent']:.0f} %; "
-                  f"goal {goal_hz:g} Hz and {LEAST_RATIO:g}x: {'reached' if reached else 'NOT reached'}",
+                  f"goal {goal_hz:g} Hz and {goal_ratio:g}x: {'reached' if reached else 'NOT reached'}",
                   flush=True)  # fmt: skip
 
 

@@ -53,8 +53,7 @@ def five_point_conics(x, samples) -> np.ndarray:
 
 def sampson_distance(theta, x) -> np.ndarray:
     """First-order distance q / |grad q| of points to conics, (..., 6), (M, 2) -> (..., M)."""
-    q, qu, qv = _value_and_gradient(theta, x)
-    return q / _length(qu, qv)
+    return theta @ monomials(x).T / _length(*_gradient(theta, x))
 
 
 def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
@@ -62,20 +61,21 @@ def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
 
     A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
     """
-    m = monomials(x)
+    (u, v), m = x.T, monomials(x).T  # (6, M)
     zeros, ones = np.zeros(len(x)), np.ones(len(x))
-    m_u = np.stack([2 * x[:, 0], x[:, 1], zeros, ones, zeros, zeros], -1)
-    m_v = np.stack([zeros, x[:, 0], 2 * x[:, 1], zeros, ones, zeros], -1)
+    m_u = np.stack([2 * u, v, zeros, ones, zeros, zeros])
+    m_v = np.stack([zeros, u, 2 * v, zeros, ones, zeros])
     for _ in range(steps):
         theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
-        q, qu, qv = _value_and_gradient(theta, x)
+        q, qu, qv = (part[..., None, :] for part in (theta @ m, *_gradient(theta, x)))
         g = _length(qu, qv)
-        gradient_of_g = (qu[..., None] * m_u + qv[..., None] * m_v) / g[..., None]
-        J = (m - (q / g)[..., None] * gradient_of_g) / g[..., None]
-        Jt = np.swapaxes(J * weight[..., None], -1, -2)
-        normal = Jt @ J + theta[..., :, None] * theta[..., None, :]
-        normal = normal + 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None] * np.eye(6)
-        theta = theta - np.linalg.solve(normal, Jt @ (q / g)[..., None])[..., 0]
+        distance = q / g
+        J = (m - distance * (qu * m_u + qv * m_v) / g) / g
+        weighted = J * weight[..., None, :]
+        normal = weighted @ np.swapaxes(J, -1, -2) + theta[..., :, None] * theta[..., None, :]
+        ridge = 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None]
+        step = np.linalg.solve(normal + ridge * np.eye(6), weighted @ np.swapaxes(distance, -1, -2))
+        theta = theta - step[..., 0]
     return theta
 
 
@@ -84,7 +84,8 @@ def _length(u, v):
     return np.sqrt(np.maximum(u * u + v * v, 1e-24))
 
 
-def _value_and_gradient(theta, x):
+def _gradient(theta, x):
+    """Of q = theta' monomials along u and v, (..., M) each."""
     a, b, c, d, e, _ = np.moveaxis(np.asarray(theta)[..., None], -2, 0)
     u, v = x.T
-    return theta @ monomials(x).T, 2 * a * u + b * v + d, b * u + 2 * c * v + e
+    return 2 * a * u + b * v + d, b * u + 2 * c * v + e

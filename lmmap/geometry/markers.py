@@ -45,6 +45,13 @@ def polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
     return points_m, frozen_array(template), port.yaw_period_rad / per_period
 
 
+@lru_cache
+def template_spectrum(port: Port, yaw_step_rad: float) -> np.ndarray:
+    """The conjugate spectrum along the yaw, (R, F), of `polar_template`'s marker: its factor in a circular
+    correlation."""
+    return frozen_array(np.conj(np.fft.rfft(polar_template(port, yaw_step_rad)[1])), complex)
+
+
 corners_m = lru_cache(Port.marker_corners_m)
 
 

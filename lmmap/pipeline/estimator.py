@@ -13,7 +13,7 @@ from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Estimate, Port, Pose, Status, check_time
 from . import circle, ellipse, local_search, outline, yaw
-from .follow import Expected, follow, mask_within
+from .follow import Expected, at_once, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
 from .inputs import AnyCamera
 from .rescale import enlarged_cameras
@@ -69,14 +69,20 @@ class Estimator(ImageEstimator):
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
-        ring_mask = mask_within(self.ring_network, image, *near[1:]) if near else self.ring_network(image)
+        if near:
+            ring_mask, (reflectors, edges) = at_once(
+                lambda: mask_within(self.ring_network, image, *near.ring),
+                lambda: (mask_within(self.reflector_network, image, *near.markers), outline.edges(image)),
+            )
+        else:
+            ring_mask, edges = self.ring_network(image), outline.edges(image)
         ring, coverage = self.find_ring(ring_mask, near)
         if not isinstance(ring, Contour):
             return Estimate(t_us, ring)
         fitted, radius_m = ring.ellipse, self.port.ring_radius_m
         candidates = circle.poses(fitted, self.grid, radius_m) if near else self.candidates(fitted)
-        reflectors = self.find_reflectors(image, candidates)
-        edges = outline.edges(image)
+        if near is None or not near.markers.holds(self.markers_box(candidates)):
+            reflectors = self.find_reflectors(image, candidates)
         best = yaw.fast_yaw(reflectors, candidates[:2], self.port, self.grid, self.settings, edges,
                             self.settings.yaw_weights[self.modality])  # fmt: skip
         if best.score < self.settings.min_marker_score:

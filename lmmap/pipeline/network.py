@@ -9,6 +9,7 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 from __future__ import annotations
 
 import os
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -143,6 +144,17 @@ class MaskNetwork:
             over="ignore"
         ):  # torch's sigmoid rounds the ends of rows otherwise than their middle
             return 1 / (1 + np.exp(-logits))
+
+
+class Box(NamedTuple):
+    """A part of an image: its lowest and its highest (u, v)."""
+
+    low_px: np.ndarray
+    high_px: np.ndarray
+
+    def holds(self, other: Box) -> bool:
+        """Whether no part of another box is outside."""
+        return bool(np.all(other.low_px >= self.low_px) and np.all(other.high_px <= self.high_px))
 
 
 def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:

@@ -47,11 +47,10 @@ def support(strength, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -
     """Mean of an image's `edges` (H, W) along the rim, the markers' outlines and the petals' tips of poses
     (N,) at a number of yaws over one period, shape (N, yaws, 3)."""
     parts = []
-    for points_m, templates in (_plate(port, yaws), _tips(port, yaws)):
+    for points_m, spectra in (_plate(port, yaws), _tips(port, yaws)):
         value = sample(strength, project_points(T_cam_port, points_m, camera))
         folded = value.reshape(len(value), len(points_m), port.symmetry, -1).mean(2)
-        spectrum = np.einsum("nrf,krf->nkf", np.fft.rfft(folded), np.conj(np.fft.rfft(templates)))
-        parts.append(np.fft.irfft(spectrum, yaws))
+        parts.append(np.fft.irfft(np.einsum("nrf,krf->nkf", np.fft.rfft(folded), spectra), yaws))
     return np.moveaxis(np.concatenate(parts, 1), 1, -1)
 
 
@@ -72,7 +71,7 @@ def log_odds(log_probability, T_cam_port: Pose, port: Port, settings: Settings =
 
 @lru_cache
 def _plate(port: Port, yaws: int, radial: int = 16) -> tuple[np.ndarray, np.ndarray]:
-    """Points (R, A, 3) of the plate's plane, and templates (2, R, yaws) of rim and markers' outlines."""
+    """Points (R, A, 3) of the plate's plane, and `_spectra` (2, R, F) of rim and markers' outlines."""
     half_tangential, half_radial = np.array(port.marker_size_m) / 2
     near_m, far_m = port.marker_radius_m - half_radial - 0.006, port.plate_circumradius_m + 0.004
     points_m, along, across = _polar(port, np.linspace(near_m, far_m, radial), port.plate_height_m, yaws)
@@ -86,7 +85,7 @@ def _plate(port: Port, yaws: int, radial: int = 16) -> tuple[np.ndarray, np.ndar
     outside = np.hypot(np.maximum(beyond_radial, 0), np.maximum(beyond, 0))
     from_marker = outside + np.minimum(np.maximum(beyond_radial, beyond), 0)
     free_of_rim = np.abs(from_rim) > 2 * LINE_M
-    return points_m, _templates([_line(from_rim), _line(from_marker) * free_of_rim], points_m, yaws)
+    return points_m, _spectra([_line(from_rim), _line(from_marker) * free_of_rim], points_m, yaws)
 
 
 @lru_cache
@@ -96,7 +95,7 @@ def _tips(port: Port, yaws: int, radial: int = 6) -> tuple[np.ndarray, np.ndarra
     height_m = port.plate_height_m + port.petal_rise_m
     points_m, along, across = _polar(port, tip_m + LINE_M * np.linspace(-2, 4, radial), height_m, yaws)
     tip = _line(along - tip_m) * (np.abs(across) < port.petal_widths_m[1] / 2)
-    return points_m, _templates([tip], points_m, yaws)
+    return points_m, _spectra([tip], points_m, yaws)
 
 
 def _polar(port: Port, radii_m, height_m: float, yaws: int):
@@ -112,8 +111,8 @@ def _line(distance_m) -> np.ndarray:
     return np.exp(-0.5 * (distance_m / LINE_M) ** 2)
 
 
-def _templates(lines, points_m, yaws: int) -> np.ndarray:
-    """Weights (K, R, yaws) of sum 1 over one period, by area."""
+def _spectra(lines, points_m, yaws: int) -> np.ndarray:
+    """Conjugate spectra (K, R, F) of weights of sum 1 over one period, by area: factors of a correlation."""
     weighted = np.array(lines) * np.linalg.norm(points_m[..., :2], axis=-1)
     period = weighted[..., :yaws]
-    return frozen_array(period / period.sum((1, 2), keepdims=True))
+    return frozen_array(np.conj(np.fft.rfft(period / period.sum((1, 2), keepdims=True))), complex)

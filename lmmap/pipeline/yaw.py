@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..geometry.markers import check_yaw_step, corners_m, marker_points_m, polar_template
+from ..geometry.markers import (
+    check_yaw_step,
+    corners_m,
+    marker_points_m,
+    polar_template,
+    template_spectrum,
+)
 from ..geometry.rotations import rotation_z
 from ..geometry.sampling import project_points, sample
 from ..settings import OURS, PAPER, PaperSettings, Settings
@@ -143,8 +149,8 @@ def _correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Set
     points_m, template, _ = polar_template(port, settings.yaw_step_rad)
     folded = sample(mask, project_points(T_cam_port, points_m, camera))
     folded = folded.reshape(2, len(template), port.symmetry, -1).mean(2)
-    spectrum = np.fft.rfft(folded) * np.conj(np.fft.rfft(template))
-    return folded, np.fft.irfft(spectrum.sum(1), folded.shape[-1])
+    spectrum = np.einsum("nrf,rf->nf", np.fft.rfft(folded), template_spectrum(port, settings.yaw_step_rad))
+    return folded, np.fft.irfft(spectrum, folded.shape[-1])
 
 
 def _turn(T: Pose, yaw_rad) -> Pose:

@@ -31,13 +31,13 @@ class Contour:
 
 def trace(
     ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
-    rounds: tuple[int, int] = (2, 4),
+    rounds: tuple[int, ...] = (2, 4),
 ) -> Contour | None:  # fmt: skip
     """Middle of a soft mask's stroke, started from a nearby ellipse; None where there is no stroke.
 
-    Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits,
-    twice.  Rays without a stroke, cut by the strip's edge, or with a width unlike the others' (a
-    second blob, an occluder) don't count; with too few good rays there is no stroke.
+    Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits, as often
+    as there are ``rounds``.  Rays without a stroke, cut by the strip's edge, or with a width unlike the
+    others' (a second blob, an occluder) don't count; with too few good rays there is no stroke.
 
     The middle of an annulus' image is not exactly the image of its centre line.  Along rays, an affine
     camera would make it so; perspective leaves at most 0.05 deg and 0.12 mm from 0.3 m on (along the
@@ -49,7 +49,7 @@ def trace(
     mask : (H, W), values in [0, 1], as the camera saw it
     half_width_px : of the strip along the major axis, about the stroke's full width
     camera : whose distortion the mask has; default none
-    rounds : of weights, in the first and in the second fit; a start within a pixel or two needs half of them
+    rounds : of weights, in each fit; a start within a pixel or two needs one fit only
     """
     mask = np.asarray(mask, np.float32)
     offsets = np.arange(-half_width_px, half_width_px + 0.25, 0.5)

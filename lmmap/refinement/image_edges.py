@@ -10,15 +10,14 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
-from ..geometry.rotations import rotation_z
+from ..geometry.rotations import rotation_z, single_rotation_vector
 from ..geometry.sampling import sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
-from .joint import STEPS, move
+from .joint import STEPS, move, move_by_each_step
 from .verify import hidden
 
 RING_POINTS, SIDE_POINTS = 48, 6  # of each of the ring's edges, and of each side of the rim or tip
@@ -56,17 +55,17 @@ def refine(
         seen &= ~(on_ring & hidden(points_m, T.inverse.position_m, port))
         if seen.sum() < settings.min_edges:
             return T_cam_port, np.asarray(covariance)
-        steps = move(T, np.vstack([np.zeros(6), STEPS]))
+        steps = move_by_each_step(T)
         shifted = project(steps[:, None] @ points_m[seen], camera)
         J = np.sum((shifted[1:] - shifted[0]) * normal[seen], -1).T / STEPS.diagonal()
         J = np.column_stack([J, on_ring[seen], ~on_ring[seen]])
         residual = gap_px[seen] - J[:, 6:] @ offset_px
         weight = (1 + (residual / (settings.edge_outlier_sigmas * sigma_px)) ** 2) ** -2.0 / sigma_px**2
-        turned = Rotation.from_matrix(T.rotation @ T_cam_port.rotation.T).as_rotvec()
+        turned = single_rotation_vector(T.rotation @ T_cam_port.rotation.T)
         away = np.concatenate([T.position_m - T_cam_port.position_m, turned, offset_px])
         normal_matrix = (J.T * weight) @ J + information
         step = np.linalg.solve(normal_matrix, (J.T * weight) @ residual - information @ away)
-        T, offset_px = move(T, step[None, :6])[0], offset_px + step[6:]
+        T, offset_px = move(T, step[:6]), offset_px + step[6:]
     return T, np.linalg.inv(normal_matrix)[:6, :6]
 
 

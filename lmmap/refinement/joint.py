@@ -11,16 +11,18 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..geometry.conic_fit import sampson_distance
 from ..geometry.conics import circle_conic, conic_coefficients
 from ..geometry.projection import project
+from ..geometry.rotations import single_rotation_matrix
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
 POINTS_PER_SIDE = 10  # of a marker, in the order of `_side_points_m`
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
+_SHIFTS_M = np.vstack([np.zeros(3), STEPS[:, :3]])
+_TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def refine(
     sides_m = _side_points_m(port)
     T = T_cam_port
     for _ in range(settings.joint_rounds):
-        steps = move(T, np.vstack([np.zeros(6), STEPS]))
+        steps = move_by_each_step(T)
         theta = conic_coefficients(circle_conic(steps, port.ring_radius_m, camera))
         distance = sampson_distance(theta, ring_points_px)  # (7, M)
         J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
@@ -80,7 +82,7 @@ def refine(
             normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
         )
         step = step / scale
-        T = move(T, -step[None, :6])[0]
+        T = move(T, -step[:6])
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
     inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
@@ -96,10 +98,14 @@ def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
     return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
 
 
-def move(T: Pose, steps) -> Pose:
-    """Poses (N,) at small steps (N, 6) from one: position, then rotation on the left."""
-    turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
-    return Pose(turn @ T.rotation, T.position_m + steps[:, :3])
+def move(T: Pose, step) -> Pose:
+    """The pose a small step (6,) from another: position, then rotation on the left."""
+    return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])
+
+
+def move_by_each_step(T: Pose) -> Pose:
+    """A pose, and that moved by each of `STEPS`, (7,)."""
+    return Pose(_TURNS @ T.rotation, T.position_m + _SHIFTS_M)
 
 
 @lru_cache

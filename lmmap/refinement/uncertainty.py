@@ -14,6 +14,7 @@ sin^2(tilt from e3) = |w| / (1 + |w| / 2).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
@@ -28,17 +29,59 @@ NODES, WEIGHTS = hermegauss(9)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Covariance (6, 6) of a pose (conventions above), that of its cone's chart (5, 5), and the
-    distance of w from 0, where the circle would be seen head-on, in standard deviations.
+    """What `pose_uncertainty` says of a circle's pose.
 
-    The covariance holds the second moments of the pose's region about the estimate.  Below about 6 sigmas
-    that region is not an ellipse but the chi-square disc of w, and below `Settings.merged_sigmas` it is the
-    disc on both branches: so near head-on the variances are large, and ``chart`` says more than they do.
+    Attributes
+    ----------
+    chart : (5, 5)
+        Covariance of its cone's chart.
+    tilt_sigmas : float
+        Distance of w from 0, where the circle would be seen head-on, in standard deviations.
     """
 
-    covariance: np.ndarray
+    T_cam_port: Pose
     chart: np.ndarray
     tilt_sigmas: float
+    radius_m: float
+    camera: Camera
+    yaw_sigma_rad: float
+    merged: float
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance (6, 6) of the pose, conventions above: the second moments of its region about the
+        estimate.
+
+        Below about 6 sigmas that region is not an ellipse but the chi-square disc of w, and below
+        `Settings.merged_sigmas` it is the disc on both branches: so near head-on the variances are large, and
+        ``chart`` says more than they do.
+        """
+        _, E, m, w = _chart(self.T_cam_port, self.radius_m, self.camera)
+        size, branch = 0.5 * np.log(m), np.sign(-self.T_cam_port.normal @ E[:, 0]) or 1.0
+
+        # quadrature over w; y and s follow by their conditional mean, and add their conditional spread
+        chart, radius_m = self.chart, self.radius_m
+        z = np.stack(np.meshgrid(NODES, NODES), -1).reshape(-1, 2)
+        weights = np.multiply.outer(WEIGHTS, WEIGHTS).ravel() / WEIGHTS.sum() ** 2
+        gain = chart[:3, 3:] @ np.linalg.inv(chart[3:, 3:])
+        dw = z @ np.linalg.cholesky(chart[3:, 3:]).T
+        branches = (branch, -branch) if self.tilt_sigmas < self.merged else (branch,)
+        around = [_move(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches]
+        around, weights = np.concatenate(around), np.tile(weights, len(branches)) / len(branches)
+        rest = chart[:3, :3] - gain @ chart[3:, :3]
+        step = 1e-6
+        here = _move(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
+        J_rest = (_move(step * np.eye(3), np.array([[w, 0]] * 3), size, branch, radius_m) - here) / step
+        moments = np.einsum("n,ni,nj->ij", weights, around - here, around - here) + J_rest.T @ rest @ J_rest
+
+        # to the camera's axes: position, and the rotation n x dn that turns the normal by dn
+        n = self.T_cam_port.normal
+        cross = np.cross(np.eye(3), n)  # [n]x
+        to_camera = np.zeros((6, 6))
+        to_camera[:3, :3], to_camera[3:, 3:] = E, -cross @ E  # the chart's normal points away
+        covariance = to_camera @ moments @ to_camera.T
+        covariance[3:, 3:] += self.yaw_sigma_rad**2 * np.outer(n, n)
+        return (covariance + covariance.T) / 2
 
 
 def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) -> np.ndarray:
@@ -95,33 +138,9 @@ def pose_uncertainty(
     if len(points_px) < 5 or not np.linalg.cond(J) < 1e14:
         raise ValueError(f"points_px: expected points that determine an ellipse, got {len(points_px)}")
     chart = np.linalg.inv(J) * sigma_px**2
-    _, E, m, w = _chart(T_cam_port, radius_m, camera)
-    size, branch = 0.5 * np.log(m), np.sign(-T_cam_port.normal @ E[:, 0]) or 1.0
-
-    # quadrature over w; y and s follow by their conditional mean, and add their conditional spread
-    root = np.linalg.cholesky(chart[3:, 3:])
-    z = np.stack(np.meshgrid(NODES, NODES), -1).reshape(-1, 2)
-    weights = np.multiply.outer(WEIGHTS, WEIGHTS).ravel() / WEIGHTS.sum() ** 2
-    gain = chart[:3, 3:] @ np.linalg.inv(chart[3:, 3:])
-    dw = z @ root.T
-    tilt_sigmas = float(np.linalg.norm(np.linalg.solve(root, [w, 0])))
-    branches = (branch, -branch) if tilt_sigmas < merged else (branch,)
-    around = np.concatenate([_move(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches])
-    weights = np.tile(weights, len(branches)) / len(branches)
-    rest = chart[:3, :3] - gain @ chart[3:, :3]
-    step = 1e-6
-    here = _move(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
-    J_rest = (_move(step * np.eye(3), np.array([[w, 0]] * 3), size, branch, radius_m) - here) / step
-    moments = np.einsum("n,ni,nj->ij", weights, around - here, around - here) + J_rest.T @ rest @ J_rest
-
-    # to the camera's axes: position, and the rotation n x dn that turns the normal by dn
-    n = T_cam_port.normal
-    cross = np.cross(np.eye(3), n)  # [n]x
-    to_camera = np.zeros((6, 6))
-    to_camera[:3, :3], to_camera[3:, 3:] = E, -cross @ E  # the chart's normal points away
-    covariance = to_camera @ moments @ to_camera.T
-    covariance[3:, 3:] += yaw_sigma_rad**2 * np.outer(n, n)
-    return Uncertainty((covariance + covariance.T) / 2, chart, tilt_sigmas)
+    w = _chart(T_cam_port, radius_m, camera)[-1]
+    tilt_sigmas = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(chart[3:, 3:]), [w, 0])))
+    return Uncertainty(T_cam_port, chart, tilt_sigmas, radius_m, camera, yaw_sigma_rad, merged)
 
 
 def chart_error(T_cam_port: Pose, truth: Pose, radius_m: float, camera: Camera) -> np.ndarray:

@@ -38,17 +38,12 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
     """
     points, eye = np.asarray(points_m, float), np.asarray(eye_m, float)
-    yaws = np.arange(port.symmetry) * port.yaw_period_rad
-    radial = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], -1)
-    tangent = np.stack([-np.sin(yaws), np.cos(yaws), np.zeros_like(yaws)], -1)
-    up = np.array([0, 0, 1.0])
+    radial, tangent, base, normal = _petals(port)
     ray = points - eye
     with np.errstate(divide="ignore", invalid="ignore"):
         to_plate = (port.plate_height_m - eye[2]) / ray[:, 2]  # share of the ray
         on_plate = eye + to_plate[:, None] * ray
         by_plate = (np.abs(on_plate @ radial.T).max(1) < port.apothem_m) & (to_plate < 1)
-        base = port.apothem_m * radial + port.plate_height_m * up  # middle of each petal's base
-        normal = port.petal_rise_m * radial - port.petal_lean_m * up
         share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)
         on_petal = eye + share[..., None] * ray[:, None] - base
         height = on_petal[..., 2] / port.petal_rise_m
@@ -56,6 +51,19 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
         across_m = np.abs(np.sum(on_petal * tangent, -1))
     by_petal = (share > 0) & (share < 1) & (height > 0) & (height < 1) & (across_m < half_m)
     return by_plate | by_petal.any(1)
+
+
+@lru_cache
+def _petals(port: Port) -> tuple[np.ndarray, ...]:
+    """Directions toward the petals and along their bases, the bases' middles, and the petals' normals, all
+    (symmetry, 3)."""
+    yaws = np.arange(port.symmetry) * port.yaw_period_rad
+    radial = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], -1)
+    tangent = np.stack([-np.sin(yaws), np.cos(yaws), np.zeros_like(yaws)], -1)
+    up = np.array([0, 0, 1.0])
+    base = port.apothem_m * radial + port.plate_height_m * up
+    normal = port.petal_rise_m * radial - port.petal_lean_m * up
+    return tuple(map(frozen_array, (radial, tangent, base, normal)))
 
 
 def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera) -> tuple[float, float]:
@@ -69,10 +77,9 @@ def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera
     if not seen.any():
         return 1.0, 0.0
     inner = port.ring_inner_radius_m / port.ring_radius_m
-    inside = sample(ring_mask, project_points(T_cam_port, points_m, camera))[seen][
-        :, inner - INSIDE > RADII
-    ].mean()
-    value = sample(_light(image), project_points(T_cam_port, points_m, camera))[seen]
+    at = project_points(T_cam_port, points_m, camera)
+    inside = sample(ring_mask, at)[seen][:, inner - INSIDE > RADII].mean()
+    value = sample(_light(image), at)[seen]
     edge = np.abs(value[:, 2:] - value[:, :-2]) if np.ndim(image) == 3 else value[:, 1:-1]
     away = np.abs(RADII[1:-1] - inner)
     near, beside = away <= EDGE_NEAR, (away > EDGE_NEAR) & (away <= EDGE_FAR)

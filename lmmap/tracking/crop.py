@@ -1,4 +1,4 @@
-"""Where a predicted port's ring can be seen: the expected ellipse, and a box that its uncertainty widens."""
+"""Where a predicted port can be seen: the expected ellipse, and boxes that its uncertainty widens."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from scipy.spatial.transform import Rotation
 from ..geometry.conics import circle_ellipse
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
+from ..pipeline import circle
 from ..pipeline.estimator import Estimator
 from ..pipeline.follow import Expected
+from ..pipeline.image_estimator import markers_box_px
+from ..pipeline.network import Box
 from ..types import Pose
 from .motion_model import MotionState
 
@@ -18,8 +21,9 @@ def expected_ring(state: MotionState, estimator: Estimator) -> Expected | None:
     """The ring of a predicted state in the pixels of an estimator's grid; None if it is not all before the
     camera, or its box is outside the image.
 
-    The box holds the strip in which the contour is traced, and ``crop_sigmas`` standard deviations of the
-    ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
+    The ring's box holds the strip in which the contour is traced, and ``crop_sigmas`` standard deviations of
+    the ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
+    That of the markers is about both poses that the expected ellipse leaves open.
     """
     camera, port = estimator.grid, estimator.port
     poses = _standard_deviations(state)
@@ -30,8 +34,12 @@ def expected_ring(state: MotionState, estimator: Estimator) -> Expected | None:
     sigma_px = np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
     margin_px = estimator.settings.crop_sigmas * sigma_px + estimator.strip_px(ellipse) + 1
     low_px, high_px = (points_px[0] - margin_px).min(0), (points_px[0] + margin_px).max(0)
-    outside = np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1)
-    return None if outside else Expected(ellipse, low_px, high_px)
+    if np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1):
+        return None
+    border_px = estimator.settings.marker_border_px + estimator.settings.crop_sigmas * sigma_px.max() + 1
+    both = circle.poses(ellipse, camera, port.ring_radius_m)
+    markers = markers_box_px(both, port, camera, border_px)
+    return Expected(ellipse, Box(low_px, high_px), markers)
 
 
 def _standard_deviations(state: MotionState) -> Pose:

@@ -7,7 +7,7 @@ from strategies import CAMERA, PORT, pose
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
-from lmmap.pipeline.follow import follow, mask_within
+from lmmap.pipeline.follow import at_once, follow, mask_within
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.types import Ellipse
 
@@ -26,8 +26,9 @@ def one_thread():
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 @pytest.mark.parametrize("corner, size", [((30, 25), (61, 50)), ((-4, 90), (40, 40)), ((100, 70), (90, 80))])
-def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(modality, corner, size, one_thread):
-    network = load_network(weight_path("ring", modality, "low"), modality, "float32")
+@pytest.mark.parametrize("name", ["ring", "reflector"])
+def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(name, modality, corner, size, one_thread):
+    network = load_network(weight_path(name, modality, "low"), modality, "float32")
     shape = (130, 170, 3) if modality == "rgb" else (130, 170)
     image = np.random.default_rng(2).integers(0, 256 if modality == "rgb" else 7, shape).astype(np.uint8)
     low, high = np.array(corner) + 0.5, np.array(corner) + size
@@ -36,6 +37,15 @@ def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(modality, corn
     box[max(corner[1], 0) : corner[1] + size[1] + 1, max(corner[0], 0) : corner[0] + size[0] + 1] = True
     np.testing.assert_array_equal(part[box], full[box])
     assert not part[~box].any() and full[~box].any()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_thread):
+    torch.set_num_threads(threads)
+    seen = at_once(torch.get_num_threads, lambda: "second")
+    assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
+    with pytest.raises(ZeroDivisionError):
+        at_once(lambda: 1 / 0, lambda: None)
 
 
 @pytest.mark.parametrize("step_px", [(0.0, 0.0), (4.0, -3.0), (-5.0, 2.0)])

@@ -43,7 +43,7 @@ def errors(T: Pose, truth: Pose) -> tuple[float, float]:
 
 
 def moved(T: Pose, step) -> Pose:
-    return joint.move(T, np.asarray(step)[None])[0]
+    return joint.move(T, np.asarray(step))
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -29,17 +29,27 @@ def test_the_box_holds_the_rings_of_nearly_all_poses_that_the_state_allows():
         step = SPREAD * rng.standard_normal(6)
         T = Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T0.rotation, T0.position_m + step[:3])
         points_px = project(T @ circle_points_m(PORT.ring_outer_radius_m), CAMERA)
-        outside += np.any(points_px < near.low_px) or np.any(points_px > near.high_px)
+        outside += np.any(points_px < near.ring.low_px) or np.any(points_px > near.ring.high_px)
     assert outside <= 2
 
 
 def test_what_is_known_exactly_needs_no_more_than_the_strip():
-    near, points_px = expected_ring(state(scale=1e-6), ESTIMATOR), expected_ring(state(), ESTIMATOR)
+    near, less_known = expected_ring(state(scale=1e-6), ESTIMATOR), expected_ring(state(), ESTIMATOR)
     strip_px = ESTIMATOR.strip_px(near.ellipse) + 1
     ring_px = near.ellipse.points(720)
-    np.testing.assert_allclose(ring_px.min(0) - near.low_px, strip_px, atol=0.5)
-    np.testing.assert_allclose(near.high_px - ring_px.max(0), strip_px, atol=0.5)
-    assert np.all(points_px.low_px < near.low_px) and np.all(points_px.high_px > near.high_px)
+    np.testing.assert_allclose(ring_px.min(0) - near.ring.low_px, strip_px, atol=0.5)
+    np.testing.assert_allclose(near.ring.high_px - ring_px.max(0), strip_px, atol=0.5)
+    assert less_known.ring.holds(near.ring) and less_known.markers.holds(near.markers)
+    assert not near.ring.holds(less_known.ring)
+
+
+def test_the_markers_box_holds_those_of_nearly_all_poses_that_the_state_allows():
+    rng, near, outside = np.random.default_rng(0), expected_ring(state(), ESTIMATOR), 0
+    for _ in range(400):
+        step = SPREAD * rng.standard_normal(6)
+        T = Pose(Rotation.from_rotvec(step[3:]).as_matrix() @ T0.rotation, T0.position_m + step[:3])
+        outside += not near.markers.holds(ESTIMATOR.markers_box(T[None]))
+    assert outside <= 4
 
 
 @pytest.mark.parametrize("position_m", [(0, 0, -0.5), (0, 0, 0.03), (3.0, 0, 0.5)])
