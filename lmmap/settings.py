@@ -86,6 +86,9 @@ class Settings(PaperSettings):
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py
 
+    # images whose ring is seen without a sure pose; tuning/look_turned.py
+    turned_look: bool = False  # look again, by the mean mask of the image as it is and after half a turn
+
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py
     peak_share: float = 0.9  # of the mask's maximum, which a blob must reach; tuning/choose_thresholds.py

@@ -11,13 +11,16 @@ from ..geometry.projection import undistort_points
 from ..refinement import contour, image_edges, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
-from ..types import Camera, Ellipse, Estimate, Port, Pose, Status, check_time
+from ..types import Ellipse, Estimate, Port, Pose, Status, check_time
 from . import circle, ellipse, local_search, outline, yaw
 from .follow import Expected, at_once, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
 from .inputs import AnyCamera
+from .network import TurnedToo
 from .rescale import enlarged_cameras
 from .ring import skeleton_points
+
+IN_DOUBT = (Status.UNSURE, Status.NO_MARKERS)  # a ring is seen, and no pose is sure
 
 
 class Estimator(ImageEstimator):
@@ -49,21 +52,29 @@ class Estimator(ImageEstimator):
                  weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         super().__init__(camera, port, modality, weights, settings, precision)
-        self._enlarged = [self._with_grid(g) for g in enlarged_cameras(self.camera, modality, self.settings)]
+        self._enlarged = [
+            self._with(grid=grid) for grid in enlarged_cameras(self.camera, modality, self.settings)
+        ]
+        ring, reflectors = TurnedToo(self.ring_network), TurnedToo(self.reflector_network)
+        turned = self._with(ring_network=ring, reflector_network=reflectors)
+        self._turned = [turned] if self.settings.turned_look else []
 
-    def _with_grid(self, grid: Camera) -> Estimator:
+    def _with(self, **attributes) -> Estimator:
+        """An estimator of one look, like this one but for some attributes."""
         other = copy(self)
-        other.grid, other._enlarged = grid, []
+        vars(other).update(attributes, _enlarged=[], _turned=[])
         return other
 
     def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """As `ImageEstimator`; a ring that is expected (``near``, in pixels of `grid`) is looked for there
         alone, and ``printed`` is left out.  Of a small sensor's histogram without a pose, larger ones are
-        looked at."""
+        looked at; and with ``settings.turned_look`` an image whose ring is seen without a sure pose is turned
+        as well."""
         check_time("t_us", t_us)
         estimate = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
         if estimate.T_cam_port is None and near is None:
-            looks = (larger(image, t_us) for larger in self._enlarged)
+            turned = self._turned if estimate.status in IN_DOUBT else []
+            looks = (look(image, t_us) for look in (*turned, *self._enlarged))
             estimate = next((look for look in looks if look.T_cam_port is not None), estimate)
         return estimate
 

@@ -1,0 +1,93 @@
+"""The default networks on the test sequences with one look and with a second: right, wrong and missing poses.
+
+    python benchmarks/turned_rates.py --jobs 2           # an hour: the sequences are simulated
+
+The errors of one look are the accuracy study's, of the paper profile.  Images with the whole ring in view
+that had no pose then are estimated again with ``turned_look``; the others would be answered as before.  A
+sequence's errors are kept in data/derived, so an interrupted run goes on.  The table goes to
+data/results/turned-paper.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import joblib
+import pandas as pd
+
+from lmmap.bench import laboratory
+from lmmap.files import tune_allocator
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.run import each_image, estimate_image, timed_images
+from lmmap.provenance import DATA, DERIVED_DATA, save_table
+from lmmap.settings import OURS, PAPER
+from lmmap.studies import accuracy_run, pose_errors, sequence_files
+from lmmap.studies.right_and_wrong import is_wrong, shares
+
+PROFILE, KEPT = "paper", DERIVED_DATA / "turned"
+
+
+def of_one_look(name: str, modality: str) -> pd.DataFrame:
+    """The study's errors of a test sequence, by the default networks."""
+    file = f"errors-{accuracy_run.label(name, modality, OURS.weights)}.csv"
+    with zipfile.ZipFile(accuracy_run.Study().archive(name)) as archive, archive.open(file) as content:
+        return pd.read_csv(content)
+
+
+def look_again(name: str, modality: str) -> pd.DataFrame:
+    """The same, after a second look at images with the whole ring in view that had no pose."""
+    path = KEPT / f"errors-{name}-{modality}.csv"
+    if not path.exists():
+        tune_allocator()
+        seconds, folder = laboratory.SECONDS[PROFILE]["test"], DERIVED_DATA / PROFILE
+        folder.mkdir(parents=True, exist_ok=True)
+        recording = sequence_files.bench_recording(name, seconds, folder, print)
+        before = of_one_look(name, modality)
+        again = set(before.t_us[before.in_view & before.position_error_m.isna()])
+        settings = replace(OURS, turned_look=True)
+        estimator = Estimator(recording.camera, modality=modality, settings=settings)
+        timed = timed_images(recording, modality, settings, PAPER.rate_hz)
+        chosen = (shot for shot in timed if shot.times_us & again)
+        estimates = list(each_image(chosen, lambda shot: estimate_image(estimator, shot)[1]))
+        after = pose_errors.errors(recording, estimates, estimator.port)
+        rest = before[~before.t_us.isin(again)]
+        save_table(path, pd.concat([rest, after]).sort_values("t_us"), seed=name)
+        print(f"{name}: {modality}, {len(estimates)} images again", flush=True)
+    return pd.read_csv(path)
+
+
+def rates(tables: list[pd.DataFrame]) -> dict[str, float]:
+    """Shares of the images with the whole ring in view."""
+    whole = pd.concat(tables).query("in_view")
+    return shares(whole.position_error_m.notna().to_numpy(), is_wrong(whole, "", OURS))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--jobs", type=int, default=1)
+    jobs = parser.parse_args().jobs
+    names = [name for name in accuracy_run.sequences_of(PROFILE) if name.startswith("test-")]
+    cells = [(name, modality) for name in names for modality in pose_errors.MODALITIES]
+    made = joblib.Parallel(jobs)(joblib.delayed(_both)(name) for name in names)
+    after = dict(zip(names, made, strict=True))
+    rows = []
+    for light in pose_errors.LIGHTS:
+        for modality in pose_errors.MODALITIES:
+            chosen = [n for n, m in cells if m == modality and laboratory.sequence(n).light == light]
+            looks = {"one look": [of_one_look(n, modality) for n in chosen],
+                     "turned too": [after[n][modality] for n in chosen]}  # fmt: skip
+            rows += [{"light": light, "camera": modality, "looks": k} | rates(t) for k, t in looks.items()]
+    table = pd.DataFrame(rows)
+    print(table.round(2).to_string(index=False))
+    save_table(Path(DATA / "results" / "turned-paper.csv"), table, sequences=names)
+
+
+def _both(name: str) -> dict[str, pd.DataFrame]:
+    return {modality: look_again(name, modality) for modality in pose_errors.MODALITIES}
+
+
+if __name__ == "__main__":
+    main()
