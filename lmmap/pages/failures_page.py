@@ -20,7 +20,7 @@ from ..studies.right_and_wrong import is_wrong
 from ..types import Estimate, Port, Recording, Status
 from .drawings import COLOUR
 from .gallery import paintings
-from .tables import CAMERAS
+from .tables import CAMERAS, LIGHTS
 
 MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
 SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
@@ -99,6 +99,26 @@ def share_table(answers: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFram
     table = pd.DataFrame(rows).set_index(["scene", "camera"]).rename_axis(index=(None, None))
     table.columns = pd.MultiIndex.from_tuples(table.columns)
     return table[["former", "present", ""]]
+
+
+def looks_table(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Right and wrong poses in percent with one look and with a second, by table, light and camera.
+
+    Parameters
+    ----------
+    tables
+        By title: ``light``, ``camera``, ``looks``, ``right_percent``, ``wrong_percent`` and ``images``, of
+        which several rows of one cell count by their images.
+    """
+    every = pd.concat([table.assign(place=title) for title, table in tables.items()])
+    kinds = {"right_percent": "right (%)", "wrong_percent": "wrong (%)"}
+    weighted = every.assign(**{kind: every[kind] * every.images for kind in kinds})
+    sums = weighted.groupby(["place", "light", "camera", "looks"], sort=False)[[*kinds, "images"]].sum()
+    shares = sums[list(kinds)].div(sums.images, axis=0).rename(columns=kinds).unstack()
+    shares["", "images"] = sums.images.unstack().iloc[:, 0]
+    order = pd.MultiIndex.from_product([tables, LIGHTS, CAMERAS]).intersection(shares.index, sort=False)
+    shares = shares.loc[order].rename(index={**LIGHTS, **CAMERAS})
+    return shares.rename_axis(index=(None,) * 3, columns=(None, None))
 
 
 def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool = True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -53,12 +54,13 @@ def at_once(*functions: Callable[[], object]) -> list:
     threads make a mask little sooner than one."""
     if (each := torch.get_num_threads() // 2) == 0:
         return [function() for function in functions]
-    return [task.result() for task in [_workers(each).submit(function) for function in functions]]
+    tasks = [_workers(each, os.getpid()).submit(function) for function in functions]
+    return [task.result() for task in tasks]
 
 
 @cache
-def _workers(threads: int) -> ThreadPoolExecutor:
-    """Two threads, kept for the next image, each with so many of torch's."""
+def _workers(threads: int, process: int) -> ThreadPoolExecutor:
+    """Two threads, kept for the next image, each with so many of torch's; a forked process has its own."""
     return ThreadPoolExecutor(2, "lmmap", torch.set_num_threads, (threads,))
 
 
