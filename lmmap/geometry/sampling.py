@@ -19,7 +19,8 @@ def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
 
 def sample(image, points_px) -> np.ndarray:
     """Bilinear values of an image (H, W) at points (..., N, 2), zero outside it and behind the camera."""
-    grid = np.asarray(points_px).astype(np.float32).reshape(-1, points_px.shape[-2], 2)
+    with np.errstate(over="ignore"):  # just before the camera pixels are as far away as numbers go
+        grid = np.asarray(points_px).astype(np.float32).reshape(-1, points_px.shape[-2], 2)
     np.fmin(np.fmax(grid, -10, out=grid), 30_000, out=grid)  # of NaN and -10, -10
     image = np.asarray(image, np.float32)
     return cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
