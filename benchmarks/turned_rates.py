@@ -24,7 +24,7 @@ from lmmap.pipeline.run import each_image, estimate_image, timed_images
 from lmmap.provenance import DATA, DERIVED_DATA, save_table, source_files
 from lmmap.settings import OURS, PAPER
 from lmmap.studies import accuracy_run, pose_errors, sequence_files
-from lmmap.studies.right_and_wrong import is_wrong, shares
+from lmmap.studies.right_and_wrong import right_and_wrong
 
 SOURCES = (*source_files("studies.pose_errors"), "benchmarks/turned_rates.py")
 PROFILE, KEPT, LIGHTS = "paper", DERIVED_DATA / "turned", ("medium", "high")
@@ -61,12 +61,6 @@ def look_again(name: str, modality: str) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
-def rates(tables: list[pd.DataFrame]) -> dict[str, float]:
-    """Shares of the images with the whole ring in view."""
-    whole = pd.concat(tables).query("in_view")
-    return shares(whole.position_error_m.notna().to_numpy(), is_wrong(whole, "", OURS))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1)
@@ -80,8 +74,10 @@ def main() -> None:
         for modality in pose_errors.MODALITIES:
             looks = {"one look": [of_one_look(n, modality) for n in chosen],
                      "turned too": [after[n][modality] for n in chosen]}  # fmt: skip
-            rows += [{"light": light, "camera": modality, "looks": k} | rates(t) for k, t in looks.items()]
-    table = pd.DataFrame(rows)
+            for k, tables in looks.items():
+                ours = right_and_wrong(tables).query("estimator == 'ours'")
+                rows.append(ours.drop(columns="estimator").assign(light=light, camera=modality, looks=k))
+    table = pd.concat(rows)[["light", "camera", "looks", *ours.columns[1:]]]
     print(table.round(2).to_string(index=False))
     save_table(DATA / "results" / "turned-paper.csv", table, sequences=names)
 

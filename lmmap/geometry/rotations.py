@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from ..types import Pose
+
 
 def rotation_z(angle_rad) -> np.ndarray:
     """Rotations about z, (...) -> (..., 3, 3)."""
@@ -52,6 +54,11 @@ def single_rotation_vector(R) -> np.ndarray:
     sine = math.sqrt(x * x + y * y + z * z)
     scale = math.atan2(sine, (xx + yy + zz - 1) / 2) / sine if sine > 1e-9 else 1.0
     return np.array([scale * x, scale * y, scale * z])
+
+
+def move(T: Pose, step) -> Pose:
+    """The pose a step (6,) from another: position, then rotation vector on the left."""
+    return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])
 
 
 def equal_turns(yaw_period_rad: float) -> np.ndarray:

@@ -55,9 +55,10 @@ class Estimator(ImageEstimator):
         self._enlarged = [
             self._with(grid=grid) for grid in enlarged_cameras(self.camera, modality, self.settings)
         ]
-        ring, reflectors = TurnedToo(self.ring_network), TurnedToo(self.reflector_network)
-        turned = self._with(ring_network=ring, reflector_network=reflectors)
-        self._turned = [turned] if self.settings.turned_look else []
+        self._turned = []
+        if self.settings.turned_look:
+            ring, reflectors = TurnedToo(self.ring_network), TurnedToo(self.reflector_network)
+            self._turned = [self._with(ring_network=ring, reflector_network=reflectors)]
 
     def _with(self, **attributes) -> Estimator:
         """An estimator of one look, like this one but for some attributes."""

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
-from ..geometry.rotations import rotation_z, single_rotation_vector
+from ..geometry.rotations import move, rotation_z, single_rotation_vector
 from ..geometry.sampling import sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
-from .joint import STEPS, move, move_by_each_step
+from .joint import STEPS, move_by_each_step
 from .verify import hidden
 
 RING_POINTS, SIDE_POINTS = 48, 6  # of each of the ring's edges, and of each side of the rim or tip

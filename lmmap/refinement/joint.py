@@ -15,7 +15,7 @@ import numpy as np
 from ..geometry.conic_fit import sampson_distance
 from ..geometry.conics import circle_conic, conic_coefficients
 from ..geometry.projection import project
-from ..geometry.rotations import single_rotation_matrix
+from ..geometry.rotations import move, single_rotation_matrix
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
@@ -96,11 +96,6 @@ def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
     """The covariance (..., 6, 6) of errors on masks: ``inflation`` where the markers' score (...) is 1, and
     larger where they are faint, a standard deviation being as 1 / score."""
     return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
-
-
-def move(T: Pose, step) -> Pose:
-    """The pose a small step (6,) from another: position, then rotation on the left."""
-    return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])
 
 
 def move_by_each_step(T: Pose) -> Pose:

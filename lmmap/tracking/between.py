@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..geometry.rotations import single_rotation_matrix, single_rotation_vector
+from ..geometry.rotations import move, single_rotation_vector
 from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
 from ..types import EVENT, Camera, Estimate, Port, Pose
@@ -169,9 +169,7 @@ class Between:
         if camera == "event" or state is None or e.T_cam_port is None:
             return e
         back = -1e-6 * self.settings.late_us * state.velocity
-        turn = single_rotation_matrix(back[3:])
-        T = Pose(turn @ e.T_cam_port.rotation, e.T_cam_port.position_m + back[:3])
-        return replace(e, T_cam_port=T)
+        return replace(e, T_cam_port=move(e.T_cam_port, back))
 
     def measure(self, events) -> EdgeInformation | None:
         """What events of a short time say about the predicted pose; None where no edge is known well enough.

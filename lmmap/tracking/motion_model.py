@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.rotations import single_rotation_matrix, single_rotation_vector
+from ..geometry.rotations import move, single_rotation_matrix, single_rotation_vector
 from ..settings import OURS, MotionSettings
 from ..types import Pose
 
@@ -95,10 +95,7 @@ class MotionState:
         keep = np.eye(12)
         keep[:, POSE] -= K
         step = K @ y
-        T = Pose(
-            single_rotation_matrix(step[3:6]) @ self.T_cam_port.rotation,
-            self.T_cam_port.position_m + step[:3],
-        )
+        T = move(self.T_cam_port, step[POSE])
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
                        covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T))  # fmt: skip
 
@@ -108,8 +105,7 @@ class MotionState:
         P, eye = self.covariance, np.eye(6)
         gain = np.linalg.solve((eye + information @ P[POSE, POSE]).T, P[POSE]).T  # P H' (I + L H P H')^-1
         step = gain @ vector
-        T = Pose(single_rotation_matrix(step[3:6]) @ self.T_cam_port.rotation,
-                 self.T_cam_port.position_m + step[:3])  # fmt: skip
+        T = move(self.T_cam_port, step[POSE])
         return replace(self, T_cam_port=T, velocity=self.velocity + step[RATE],
                        covariance=_symmetric(P - gain @ information @ P[POSE]))  # fmt: skip
 

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project
-from lmmap.geometry.rotations import rotation_z
+from lmmap.geometry.rotations import move, rotation_z
 from lmmap.pipeline import outline
-from lmmap.refinement import image_edges, joint
+from lmmap.refinement import image_edges
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
@@ -43,7 +43,7 @@ def errors(T: Pose, truth: Pose) -> tuple[float, float]:
 
 
 def moved(T: Pose, step) -> Pose:
-    return joint.move(T, np.asarray(step))
+    return move(T, np.asarray(step))
 
 
 @pytest.mark.parametrize("sign", [1, -1])
