@@ -26,11 +26,16 @@ COATED = [cad.RING, cad.MARKER]
 PAINTED = [cad.PLATE, cad.PETAL, cad.BODY]
 
 
+def light_of(number: int) -> str:
+    """The kind of light of ``varied-NUMBER``."""
+    return LIGHTS[number % len(LIGHTS)]
+
+
 def base_sequence(name: str) -> laboratory.Sequence:
     """The laboratory's sequence whose motion and kind of light ``varied-N`` has; nothing else uses it."""
     number = int(NAME.fullmatch(name)[1])
     kind = "augmented" if number // len(LIGHTS) % 3 == 0 else "realistic"
-    light = LIGHTS[number % len(LIGHTS)]
+    light = light_of(number)
     return laboratory.sequence(f"{kind}-{FIRST + 3 * number + LEVELS.index(light)}")
 
 

@@ -25,6 +25,7 @@ from ..settings import PAPER
 from ..types import EVENT, Port, Recording
 
 AUGMENTED, REALISTIC, VARIED = 240, 120, 400  # numbers of sequences
+MORE_HIGH = 180  # further varied sequences, all in high light
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5
 VARIED_SAMPLES = 4  # of a varied sequence, which is shorter
 EXCERPT_EVERY_S = 4.0  # one excerpt of a long recording in this time, as neighbouring views are nearly equal
@@ -34,7 +35,11 @@ BENCH = source_files("bench.sequences", "bench.labels")
 VARIED_BENCH = source_files("bench.varied", "bench.labels")
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
-SETS = {"high": _AUGMENTED, "low": _ALL, "robust": _ALL + [f"varied-{i}" for i in range(VARIED)]}
+_IN_HIGH = [f"varied-{i}" for i in range(VARIED, VARIED + 2 * MORE_HIGH) if varied.light_of(i) == "high"]
+SETS = {
+    "high": _AUGMENTED, "low": _ALL,
+    "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH],
+}  # fmt: skip
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:

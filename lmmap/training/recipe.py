@@ -10,10 +10,10 @@ from ..pipeline.weights import DOMAIN_GAPS, FILTERS
 from ..types import InputError
 
 STEPS = {  # of the shipped weights, until the validation IoU hardly rose
-    "ring-rgb": {"high": 2500, "low": 8000, "robust": 4500},
-    "ring-event": {"high": 3000, "low": 28000, "robust": 6000},
-    "reflector-rgb": {"high": 2500, "low": 8000, "robust": 4500},
-    "reflector-event": {"high": 4000, "low": 34000, "robust": 6000},
+    "ring-rgb": {"high": 2500, "low": 8000, "robust": 12000},
+    "ring-event": {"high": 3000, "low": 28000, "robust": 12000},
+    "reflector-rgb": {"high": 2500, "low": 8000, "robust": 12000},
+    "reflector-event": {"high": 4000, "low": 34000, "robust": 12000},
 }
 FAST = 1e-2  # a rate with which a filter learns several times faster from chance than with 1e-3
 RATE = {"high": 1e-3, "low": 1e-3, "robust": 3e-3}  # of the shipped weights
@@ -22,8 +22,6 @@ RESTART = {  # steps at which the shipped weights began a new cosine, as they ha
     "ring-event-low": (5000, 11000, 19000),
     "reflector-rgb-low": (3000,),
     "reflector-event-low": (8000, 14000, 22000),
-    "ring-rgb-robust": (1500,),
-    "reflector-rgb-robust": (1500,),
 }
 
 
