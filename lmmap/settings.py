@@ -86,8 +86,10 @@ class Settings(PaperSettings):
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py
 
-    # images whose ring is seen without a sure pose; tuning/look_turned.py
-    turned_look: bool = False  # look again, by the mean mask of the image as it is and after half a turn
+    # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
+    turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
+    sure_confidence: float = 0.95  # from here on one look is enough
+    look_independence: float = 0.61  # of two looks that agree; tuning/calibrate_confidence.py
 
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py

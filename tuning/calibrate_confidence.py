@@ -3,130 +3,247 @@
     python tuning/calibrate_confidence.py
 
 Two logistic regressions on `verify.evidence`: of whether position and normal are right, and of whether the
-rotation is where they are.  They are fitted to every pose that the estimator finds without a limit on its
-confidence, of events at both looks, on the tuning sequences of `wrong_poses`: bench and other laboratory
-together, for on the bench alone few poses are wrong.  The results are ``confidence_ring``,
-``confidence_yaw`` and ``min_confidence`` of the settings.  The last is the lowest of `LIMITS` at which at
-most `WRONG_PERCENT` of the reported poses are wrong, each by a fit to other sequences than its own.
-data/results/confidence.csv holds the reliability of the confidence in bins, its expected calibration error,
-and what that of a perfect confidence would be: of tuning sequences by the same fits to other ones, of all
-other sets by the settings as they stand.
+rotation is where they are.  They are fitted to the pose of every look, at each image as it is and with its
+half turn, on the tuning sequences of `wrong_poses`: bench and other laboratory together, for on the bench
+alone few poses are wrong.  The estimator's own wrong poses are the best of wrong images: they fit the masks.
+So that the evidence is not ignored where it is plain, *misplaced* poses take part with a small weight: right
+ones turned by ten degrees, or by half a yaw period, with the standard deviations and odds of the right ones.
+
+Then come the answers of several looks.  ``look_independence`` is the one of greatest likelihood, and
+``min_confidence`` the lowest of `LIMITS` at which at most `WRONG_PERCENT` of the images in high light get a
+wrong pose, for either camera.  Both are chosen on tuning sequences, each judged by a fit to others.
+data/results/confidence.csv holds the reliability of the answers' confidence in bins, its expected calibration
+error, and what that of a perfect confidence would be: of tuning sequences by the same fits to other ones, of
+all other sets by the settings as they stand.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
+import joblib
 import numpy as np
 import pandas as pd
 import wrong_poses
 from choose_thresholds import right
+from scipy.spatial.transform import Rotation
 
+from lmmap.pipeline import agreement
 from lmmap.provenance import DATA, save_table
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 from lmmap.studies.reliability import calibration_error, error_by_chance, reliability
+from lmmap.studies.sequence_files import looks_of
+from lmmap.types import Estimate, Pose
 
 RIDGE = 1.0  # of standardised slopes
-LIMITS = np.arange(0.5, 0.96, 0.01).round(2)
-WRONG_PERCENT = 1.5
+LIMITS = np.arange(0.5, 0.951, 0.05).round(2)
+WRONG_PERCENT = 1.0
+INDEPENDENCE = np.arange(0.0, 1.001, 0.05).round(2)
 FOLDS = 8  # of the tuning sequences
+MISPLACED_RAD = np.deg2rad(10)
+MISPLACED_SHARE = 0.02  # of all poses, by weight
+EVERY_POSE = replace(OURS, min_confidence=0.0)
 
 
 class Witness(wrong_poses.OnMasks):
-    """An estimator that reports every pose, and keeps its evidence."""
+    """An estimator that reports every pose, and keeps its evidence and that of misplaced ones."""
 
     def confidence(self, T_cam_port, covariance, best, *images) -> float:
-        self.evidence = verify.evidence(
-            T_cam_port, covariance, best.sigma_rad, best.log_odds, *images, self.port, self.camera
-        )
+        about = covariance, best.sigma_rad, best.log_odds, *images, self.port, self.grid
+        self.kept["evidence"] = verify.evidence(T_cam_port, *about)
+        self.kept["misplaced"] = [verify.evidence(T, *about) for T in misplaced(T_cam_port, self.port)]
         return 1.0
 
+    def __init__(self, modality: str, settings: Settings):
+        self.kept: dict = {}  # shared with the estimator of turned images
+        super().__init__(modality, settings)
 
-def poses(set_name: str, modality: str, weights: str) -> list[dict]:
-    """A row for each look that has a pose: its evidence, and whether it is right."""
-    witness, rows = Witness(modality, replace(OURS, min_confidence=0.0)), []
+
+def misplaced(T_cam_port: Pose, port) -> list[Pose]:
+    """A pose turned by `MISPLACED_RAD` about four axes in the ring's plane, then by half a yaw period."""
+    x, y, normal = T_cam_port.rotation.T
+    turns = [MISPLACED_RAD * axis for axis in (x, -x, y, -y)] + [port.yaw_period_rad / 2 * normal]
+    rotations = Rotation.from_rotvec(turns).as_matrix() @ T_cam_port.rotation
+    return [Pose(R, T_cam_port.position_m) for R in rotations]
+
+
+class Sight(NamedTuple):
+    """The estimate of one look; where it has a pose also the evidence (6,), that of misplaced ones (5, 6),
+    and whether circle and pose are right."""
+
+    estimate: Estimate
+    evidence: np.ndarray | None = None
+    misplaced: list | None = None
+    circle_right: bool = False
+    right: bool = False
+
+
+class Sights(NamedTuple):
+    """All looks at an image: at N events and at more, each as it is and with its half turn."""
+
+    set: str
+    sequence: str
+    light: str
+    modality: str
+    weights: str
+    looks: list[tuple[Sight, ...]]
+
+
+def sights(set_name: str, modality: str, weights: str) -> list[Sights]:
+    """What each look at the images of a set says."""
+    witness, rows = Witness(modality, looks_of(weights, EVERY_POSE)), []
+    ways = [witness.once, *([witness.once_turned] if witness.settings.turned_look else [])]
     for case in wrong_poses.cases(set_name, modality, weights):
-        for look in case.looks:
-            witness.masks = look.masks
-            estimate = witness(look.image)
-            if estimate.T_cam_port is not None:
-                T, port = estimate.T_cam_port, wrong_poses.PORT
-                circle_right = (position_error_m(T, look.truth) < OURS.right_position_m
-                                and normal_error_rad(T, look.truth) < OURS.right_normal_rad)  # fmt: skip
-                rows.append({
-                    "set": set_name, "sequence": case.name, "light": case.light, "modality": modality,
-                    "weights": weights, "circle_right": bool(circle_right),
-                    "right": right(T, look.truth, port), "evidence": witness.evidence,
-                })  # fmt: skip
+        looks = [tuple(_sight(witness, way(look), look.truth) for way in ways) for look in case.looks]
+        rows.append(Sights(set_name, case.name, case.light, modality, weights, looks))
     return rows
 
 
-def logistic_fit(evidence, outcome, ridge: float = RIDGE, steps: int = 50) -> np.ndarray:
+def _sight(witness: Witness, estimate: Estimate, truth: Pose) -> Sight:
+    T = estimate.T_cam_port
+    if T is None:
+        return Sight(estimate)
+    circle_right = (position_error_m(T, truth) < OURS.right_position_m
+                    and normal_error_rad(T, truth) < OURS.right_normal_rad)  # fmt: skip
+    return Sight(estimate, *witness.kept.values(), bool(circle_right), right(T, truth, wrong_poses.PORT))
+
+
+def answer(looks: list[tuple], settings: Settings) -> tuple[Estimate, bool]:
+    """The estimator's answer to ``(estimate, right)`` of all looks, and whether it is right."""
+
+    def with_turn(first, *turned):
+        return _together([first, *turned], settings) if agreement.in_doubt(first[0], settings) else first
+
+    first, *wider = looks
+    e = with_turn(*first)
+    if wider and (e[0].T_cam_port is None or agreement.in_doubt(e[0], settings)):
+        e = _together([e, with_turn(*wider[0])], settings)
+    return e
+
+
+def _together(pairs, settings: Settings) -> tuple[Estimate, bool]:
+    """`agreement.together` of the estimates of ``(estimate, right)``, and whether that one is right."""
+    e = agreement.together([estimate for estimate, _ in pairs], wrong_poses.PORT, settings)
+    return e, next(good for estimate, good in pairs if estimate.ellipse is e.ellipse)
+
+
+def logistic_fit(evidence, outcome, weight=None, ridge: float = RIDGE, steps: int = 50) -> np.ndarray:
     """Constant and slopes (K + 1,) of greatest penalised likelihood: Newton's steps on standardised evidence
-    (N, K) of outcomes (N,) in {0, 1}."""
-    mean, scale = evidence.mean(0), evidence.std(0)
+    (N, K) of outcomes (N,) in {0, 1}, each with its weight (N,)."""
+    weight = np.ones(len(evidence)) if weight is None else weight
+    mean = np.average(evidence, 0, weight)
+    scale = np.sqrt(np.average((evidence - mean) ** 2, 0, weight))
     X = np.column_stack([np.ones(len(evidence)), (evidence - mean) / scale])
     penalty = ridge * np.diag([0.0] + [1.0] * len(scale))
     b = np.zeros(X.shape[1])
     for _ in range(steps):
         p = verify.logistic(X[:, 1:], b)
-        hessian = (X.T * (p * (1 - p))) @ X + penalty
-        step = np.linalg.solve(hessian, X.T @ (outcome - p) - penalty @ b)
+        hessian = (X.T * (weight * p * (1 - p))) @ X + penalty
+        step = np.linalg.solve(hessian, X.T @ (weight * (outcome - p)) - penalty @ b)
         b = b + step * min(1, 2 / max(np.abs(step).max(), 1e-12))
     return np.concatenate([[b[0] - np.sum(b[1:] * mean / scale)], b[1:] / scale])
 
 
-def lowest_limit(confidence, outcome) -> float:
-    """The lowest of `LIMITS` at which at most `WRONG_PERCENT` of the reported poses are wrong."""
+def fit(chosen: list[Sight]) -> Settings:
+    """Settings with both regressions fitted to the looks that have a pose."""
+    good = [sight for sight in chosen if sight.right]
+    share = MISPLACED_SHARE * len(chosen) / max(len(good), 1)  # of weight, for the misplaced ones of each
+    evidence = np.stack([sight.evidence for sight in chosen])
+    turned = np.concatenate([sight.misplaced[:4] for sight in good])
+    other_yaw = np.stack([sight.misplaced[4] for sight in good])
+    circle_right = np.array([sight.circle_right for sight in chosen])
+    outcome = np.array([sight.right for sight in chosen])
+    ring = logistic_fit(np.concatenate([evidence, turned])[:, :4],
+                        np.append(circle_right, np.zeros(len(turned))),
+                        np.append(np.ones(len(chosen)), np.full(len(turned), share / 4)))  # fmt: skip
+    of_yaw = logistic_fit(np.concatenate([evidence[circle_right], other_yaw])[:, 3:],
+                          np.append(outcome[circle_right], np.zeros(len(other_yaw))),
+                          np.append(np.ones(circle_right.sum()), np.full(len(other_yaw), share)))  # fmt: skip
+    return replace(OURS, confidence_ring=tuple(ring.round(3).tolist()),
+                   confidence_yaw=tuple(of_yaw.round(3).tolist()))  # fmt: skip
+
+
+def with_pose(rows: list[Sights]) -> list[Sight]:
+    return [sight for row in rows for look in row.looks for sight in look if sight.evidence is not None]
+
+
+def answers(rows: list[Sights], fitted: Settings, settings: Settings) -> Iterator[tuple[Estimate, bool]]:
+    """`answer` to each image, each look's confidence by ``fitted``."""
+
+    def told(sight: Sight):
+        e = sight.estimate
+        if sight.evidence is not None:
+            e = agreement.report(e, float(verify.confidence(sight.evidence, fitted)), settings)
+        return e, sight.right
+
+    return (answer([tuple(map(told, look)) for look in row.looks], settings) for row in rows)
+
+
+def tuned(rows: list[Sights], changes: Settings = OURS) -> list[tuple[Estimate, bool]]:
+    """`answers` to tuning images, each by a fit that did not see its fold of the sequences."""
+    fold = np.unique([row.sequence for row in rows], return_inverse=True)[1] % FOLDS
+    told = [None] * len(rows)
+    for k in range(FOLDS):
+        fitted = fit(with_pose([row for row, f in zip(rows, fold, strict=True) if f != k]))
+        own = np.flatnonzero(fold == k)
+        for i, e in zip(own, answers([rows[i] for i in own], fitted, changes), strict=True):
+            told[i] = e
+    return told
+
+
+def log_likelihood(told: list[tuple[Estimate, bool]]) -> float:
+    """Of confidences, by whether the poses are right."""
+    p = np.array([e.confidence if good else 1 - e.confidence for e, good in told if e.confidence])
+    return float(np.log(np.maximum(p, 1e-9)).sum())
+
+
+def lowest_limit(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> float:
+    """The lowest of `LIMITS` at which at most `WRONG_PERCENT` of each camera's images in high light get a
+    wrong pose from the default networks."""
+    wrong, camera = [], []
+    for row, (e, good) in zip(rows, told, strict=True):
+        if row.light == "high" and row.weights == OURS.weights:
+            wrong.append(e.confidence if e.confidence and not good else -1.0)
+            camera.append(row.modality)
+    table = pd.DataFrame({"wrong": wrong, "camera": camera})
     for limit in LIMITS:
-        reported = confidence >= limit
-        if 100 * np.mean(~outcome[reported]) <= WRONG_PERCENT:
+        percent = 100 * (table.wrong >= limit).groupby(table.camera).mean()
+        print(f"limit {limit}: wrong in high light", percent.round(2).to_dict())
+        if percent.max() <= WRONG_PERCENT:
             return float(limit)
     return float(LIMITS[-1])
 
 
-def fit(evidence, circle_right, outcome) -> Settings:
-    """Settings with both regressions fitted to evidence (N, 6): of whether position and normal are right,
-    (N,), and of whether the whole pose is, (N,)."""
-    ring = logistic_fit(evidence[:, :4], circle_right).round(3)
-    of_yaw = logistic_fit(evidence[circle_right, 3:], outcome[circle_right]).round(3)
-    return replace(OURS, confidence_ring=tuple(ring.tolist()), confidence_yaw=tuple(of_yaw.tolist()))
-
-
-def cross_validated(sequence, evidence, circle_right, outcome) -> np.ndarray:
-    """Confidences (N,) of poses, each by a fit that did not see its fold of the sequences (N,)."""
-    fold = np.unique(sequence, return_inverse=True)[1] % FOLDS
-    confidence = np.zeros(len(evidence))
-    for k in range(FOLDS):
-        others = fold != k
-        settings = fit(evidence[others], circle_right[others], outcome[others])
-        confidence[~others] = verify.confidence(evidence[~others], settings)
-    return confidence
-
-
 def main() -> None:
     wrong_poses.make()
-    every = pd.DataFrame([row for s in wrong_poses.SETS for m in ("rgb", "event")
-                          for w in wrong_poses.WEIGHTS[s] for row in poses(s, m, w)])  # fmt: skip
-    evidence, outcome = np.stack(every.evidence), every.right.to_numpy(bool)
-    circle_right, sequence = every.circle_right.to_numpy(bool), every.sequence.to_numpy(str)
-    tuning = every.set.str.endswith("tuning").to_numpy()
-    settings = fit(evidence[tuning], circle_right[tuning], outcome[tuning])
-    confidence = verify.confidence(evidence, OURS)  # the other sets judge what ships
-    confidence[tuning] = cross_validated(*(a[tuning] for a in (sequence, evidence, circle_right, outcome)))
-    print("confidence_ring", settings.confidence_ring, "confidence_yaw", settings.confidence_yaw)
-    print("min_confidence", lowest_limit(confidence[tuning], outcome[tuning]))
+    cells = [(s, m, w) for s in wrong_poses.SETS for m in ("rgb", "event") for w in wrong_poses.WEIGHTS[s]]
+    of_cells = joblib.Parallel(2)(joblib.delayed(sights)(*cell) for cell in cells)
+    rows = [row for of_cell in of_cells for row in of_cell]
+    tuning = [row for row in rows if row.set.endswith("tuning")]
+    fitted = fit(with_pose(tuning))
+    print("confidence_ring", fitted.confidence_ring, "confidence_yaw", fitted.confidence_yaw)
+    each = [tuned(tuning, replace(OURS, look_independence=a)) for a in INDEPENDENCE]
+    likelihood = pd.Series(map(log_likelihood, each), INDEPENDENCE)
+    print("look_independence", likelihood.idxmax(), likelihood.round(2).to_dict())
+    told = tuned(tuning)
+    print("min_confidence", lowest_limit(tuning, told))
     tables = []
     for name in wrong_poses.SETS:
-        at = (every.set == name).to_numpy()
-        table = reliability(confidence[at], outcome[at])
+        own = [row for row in rows if row.set == name]
+        if name.endswith("tuning"):
+            of_set = [pair for row, pair in zip(tuning, told, strict=True) if row.set == name]
+        else:
+            of_set = list(answers(own, OURS, OURS))  # these judge what ships
+        posed = [(e.confidence, good) for e, good in of_set if e.confidence]
+        confidence, outcome = np.array(posed).T
+        table = reliability(confidence, outcome.astype(bool))
         error, (mean, most) = calibration_error(table), error_by_chance(table)
         tables.append(table.assign(set=name, calibration_error=error, by_chance=mean, by_chance_95=most))
-        reported = {limit: outcome[at & (confidence >= limit)] for limit in (0.0, *LIMITS[::5].tolist())}
-        counts = {limit: (int(good.sum()), int((~good).sum())) for limit, good in reported.items()}
-        print(name, f"error {error:.4f}, by chance {mean:.4f}, limit: (right, wrong)", counts)
+        print(name, f"error {error:.4f}, by chance {mean:.4f}")
     save_table(DATA / "results" / "confidence.csv", pd.concat(tables, ignore_index=True),
                sequences=wrong_poses.SEQUENCES)  # fmt: skip
 

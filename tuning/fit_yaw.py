@@ -34,10 +34,11 @@ def views(set_name: str, modality: str, weights: str) -> list[dict]:
     estimator, rows = wrong_poses.on_masks(modality, OURS), []
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
+            estimator.looks = [look]
             ring, _ = estimator.find_ring(look.masks[0])
             if not isinstance(ring, Contour):
                 continue
-            estimator.masks, pair = look.masks, estimator.candidates(ring.ellipse)[:2]
+            pair = estimator.candidates(ring.ellipse)[:2]
             normal_rad = normal_error_rad(pair, look.truth)
             position_m = position_error_m(pair[0], look.truth)
             if normal_rad.min() > OURS.right_normal_rad or position_m > OURS.right_position_m:

@@ -44,9 +44,7 @@ def poses(set_name: str, modality: str, weights: str) -> list[dict]:
         for look in case.looks:
             row = {"set": set_name, "light": case.light, "modality": modality, "weights": weights}
             for name, settings in ESTIMATORS.items():
-                estimator = wrong_poses.on_masks(modality, settings)
-                estimator.masks = look.masks
-                estimate = estimator(look.image)
+                estimate = wrong_poses.on_masks(modality, settings).once(look)
                 T, truth = estimate.T_cam_port, look.truth
                 if T is None or position_error_m(T, truth) > OURS.right_position_m:
                     break

@@ -217,8 +217,6 @@ def _add_estimation(commands: Commands, command, required: bool, fused: bool = F
     command.add_argument(
         "--events", type=int, metavar="N", help="events in a histogram (default: 0.39 for each pixel)"
     )
-    text = "look twice where a ring is seen without a sure pose: more poses in strong light, slower"
-    command.add_argument("--thorough", action="store_true", help=text)
     command.add_argument(
         "--domain-gap",
         choices=DOMAIN_GAPS,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from ..files import beside
@@ -44,11 +43,9 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstim
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
     printed = getattr(a, "as_printed", False)
-    if printed and a.thorough:
-        raise InputError("--thorough: the paper's procedure looks once; leave out --as-printed or --thorough")
-    settings = replace(settings_for(camera, a.events), turned_look=a.thorough)
     estimator = PrintedEstimator if printed else Estimator
-    return estimator(camera, find_port(a), modality, a.weights or network_set(a), settings)
+    weights = a.weights or network_set(a)
+    return estimator(camera, find_port(a), modality, weights, settings_for(camera, a.events))
 
 
 def check_between(a) -> None:

@@ -56,6 +56,11 @@ def single_rotation_vector(R) -> np.ndarray:
     return np.array([scale * x, scale * y, scale * z])
 
 
+def angle_between_rad(a, b) -> np.ndarray:
+    """Angles between directions (..., 3) x 2 -> (...), in [0, pi]; accurate near zero too."""
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(np.asarray(a) * b, -1))
+
+
 def move(T: Pose, step) -> Pose:
     """The pose a step (6,) from another: position, then rotation vector on the left."""
     return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])

@@ -14,6 +14,16 @@ from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 
 
+def when_made(commit: str, before: int, sequences: int) -> str:
+    """Of which estimator the committed tables are: that of a ``commit``, which ran ``before`` of so many
+    ``sequences`` with another estimator, networks or environment than the present ones."""
+    if not before:
+        return f"made at {commit}, with the present estimator and networks"
+    which = "all" if before == sequences else f"{before} of {sequences} sequences"
+    return (f"made at {commit}; the estimator, its networks or its packages have changed since {which} were run, "
+            "so that now the numbers may be better or worse")  # fmt: skip
+
+
 def difference_counts(compared: pd.DataFrame):
     """In how many cells our result differs from the paper's, styled: a row per metric, columns by domain gap.
 

@@ -102,7 +102,7 @@ def share_table(answers: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFram
 
 
 def looks_table(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Right and wrong poses in percent with one look and with a second, by table, light and camera.
+    """Right and wrong poses in percent by the first look and by all, by table, light and camera.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -12,15 +13,13 @@ from ..refinement import contour, image_edges, joint, uncertainty, verify
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Ellipse, Estimate, Port, Pose, Status, check_time
-from . import circle, ellipse, local_search, outline, yaw
+from . import agreement, circle, ellipse, local_search, outline, yaw
 from .follow import Expected, at_once, follow, mask_within
 from .image_estimator import ImageEstimator, Weights
 from .inputs import AnyCamera
 from .network import TurnedToo
 from .rescale import enlarged_cameras
 from .ring import skeleton_points
-
-IN_DOUBT = (Status.UNSURE, Status.NO_MARKERS)  # a ring is seen, and no pose is sure
 
 
 class Estimator(ImageEstimator):
@@ -68,16 +67,22 @@ class Estimator(ImageEstimator):
 
     def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """As `ImageEstimator`; a ring that is expected (``near``, in pixels of `grid`) is looked for there
-        alone, and ``printed`` is left out.  Of a small sensor's histogram without a pose, larger ones are
-        looked at; and with ``settings.turned_look`` an image whose ring is seen without a sure pose is turned
-        as well."""
+        alone, and ``printed`` is left out.  An image whose ring is seen without a sure pose is looked at with
+        its half turn as well.  Of a small sensor's histogram without a pose, larger ones are looked at."""
         check_time("t_us", t_us)
         estimate = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
-        if estimate.T_cam_port is None and near is None:
-            turned = self._turned if estimate.status in IN_DOUBT else []
-            looks = (look(image, t_us) for look in (*turned, *self._enlarged))
+        if near is not None:
+            return estimate
+        if self._turned and agreement.in_doubt(estimate, self.settings):
+            estimate = self.together([estimate, *(look(image, t_us) for look in self._turned)])
+        if estimate.T_cam_port is None:
+            looks = (look(image, t_us) for look in self._enlarged)
             estimate = next((look for look in looks if look.T_cam_port is not None), estimate)
         return estimate
+
+    def together(self, estimates: Sequence[Estimate]) -> Estimate:
+        """The answer of several looks at one image, as `agreement.together`."""
+        return agreement.together(estimates, self.port, self.settings)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
@@ -109,12 +114,9 @@ class Estimator(ImageEstimator):
         T_by_masks, by_masks, tilt_sigmas = self.refine(best, ring, reflectors)
         T_cam_port, covariance = self.refine_on_edges(T_by_masks, by_masks, best, edges)
         confidence = self.confidence(T_cam_port, by_masks, best, image, ring_mask, reflectors)
-        estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage,
-                            best.score, best.rival_score, best.margin, tilt_sigmas, covariance,
-                            confidence=confidence)  # fmt: skip
-        if confidence >= self.settings.min_confidence:
-            return estimate
-        return replace(estimate, status=Status.UNSURE, T_cam_port=None, doubtful=T_cam_port)
+        estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage, best.score,
+                            best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
+        return agreement.report(estimate, confidence, self.settings)
 
     def confidence(self, T_cam_port: Pose, covariance, best: yaw.YawFit, *images) -> float:
         """Probability that a pose is right, by its covariance (6, 6) as the masks have it, its yaw's fit, and

@@ -16,6 +16,7 @@ import torch
 
 from ..settings import Settings
 from ..types import AnyRecording, Estimate, InputError, Pose
+from . import agreement
 from .estimator import Estimator
 from .histograms import window_histograms, windows_at, windows_of
 from .image_estimator import settings_for
@@ -79,12 +80,14 @@ def images(*args, **options) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
-    """``(image, estimate)`` of a `TimedImage`: of its wider image where only that one shows the port."""
+    """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
+    and of the image whose pose it is."""
     estimate = estimator(timed.image, timed.t_us)
-    if timed.wider and estimate.T_cam_port is None:
-        second = estimator(timed.wider[1], timed.wider[0])
-        if second.T_cam_port is not None:
-            return timed.wider[1], second
+    if timed.wider and (estimate.T_cam_port is None or agreement.in_doubt(estimate, estimator.settings)):
+        t_us, image = timed.wider
+        estimate = estimator.together([estimate, estimator(image, t_us)])
+        if estimate.t_us == t_us:
+            return image, estimate
     return timed.image, estimate
 
 

@@ -23,7 +23,7 @@ from ..training.mask_quality import filter_quality
 from ..types import Port
 from . import accuracy_tables, pose_errors
 from .accuracy_tables import DRAWS, SEED, label
-from .archive import pack, unpack
+from .archive import mark_of, pack, unpack
 from .claims import claims
 from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 from .sequence_files import bench_recording, confidences, kept_estimates
@@ -80,6 +80,17 @@ def sequences_of(profile: str) -> list[str]:
     return [*tests, "hard-slow", "hard-reflect", *(f"empty-{k}" for k in range(EMPTY[profile]))]
 
 
+def run_before(profile: str, study: Study = Study()) -> list[str]:
+    """The sequences whose packed results are not of the present estimator, networks and environment."""
+    return [name for name in sequences_of(profile)
+            if mark_of(study.archive(name)) != _mark(name, profile, study)]  # fmt: skip
+
+
+def _mark(name: str, profile: str, study: Study) -> str:
+    """Fingerprint of all that a sequence's results depend on."""
+    return fingerprint(name, profile, best_precision(), patterns=study.sources)
+
+
 def _print(line: str) -> None:
     print(line, flush=True)
 
@@ -110,7 +121,7 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
     folder.mkdir(parents=True, exist_ok=True)
     waiting = {}
     for name in sequences_of(profile):
-        mark = fingerprint(name, profile, best_precision(), patterns=study.sources)
+        mark = _mark(name, profile, study)
         if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
         elif go_on and unpack(study.archive(name), folder, mark):

@@ -25,6 +25,14 @@ def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
     return path
 
 
+def mark_of(path: Path) -> str | None:
+    """The fingerprint of what made an archive's results, or None where there is no archive."""
+    if not path.exists():
+        return None
+    with zipfile.ZipFile(path) as archive:
+        return archive.read(MARK).decode()
+
+
 def unpack(path: Path, folder: Path, mark: str) -> bool:
     """Put packed files back into ``folder`` if their fingerprint is ``mark``.
 

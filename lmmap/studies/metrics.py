@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.rotations import equal_turns, rotation_angle_rad, rotation_between_rad
+from ..geometry.rotations import angle_between_rad, equal_turns, rotation_angle_rad, rotation_between_rad
 from ..types import Pose, Trajectory
 
 
@@ -19,8 +19,7 @@ def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:
 
 def normal_error_rad(estimate: Pose, truth: Pose) -> np.ndarray:
     """Angle between normals, shape (...)."""
-    a, b = estimate.normal, truth.normal
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, -1))
+    return angle_between_rad(estimate.normal, truth.normal)
 
 
 def rotation_error_rad(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:

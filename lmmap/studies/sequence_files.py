@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,11 +11,13 @@ import pandas as pd
 from ..bench import simulate
 from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import settings_for
 from ..pipeline.network import best_precision
 from ..pipeline.run import each_image, estimate, timed_images
 from ..provenance import fingerprint, save_table, source_files
 from ..recordings.formats import open_recording, read_estimates
 from ..recordings.pose_files import write_estimates
+from ..settings import Settings
 from ..training.dataset import BENCH
 from ..types import Estimate, Port, Recording
 from . import ladder
@@ -52,11 +55,17 @@ def estimates_fingerprint(modality: str, gap: str, *facts: str, sources: Sequenc
     return fingerprint(*facts, best_precision(), patterns=patterns)
 
 
+def looks_of(gap: str, settings: Settings) -> Settings:
+    """Settings for a set of networks: the paper's two sets do not look at a turned image."""
+    return replace(settings, turned_look=False) if gap in DOMAIN_GAPS else settings
+
+
 def make_estimates(
     recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path
 ) -> list[Estimate]:
     """Estimates of a recording; of a test sequence also the ladder, whose table goes into the folder."""
-    estimator = Estimator(recording.camera, Port.lm_map(), modality, gap)
+    settings = looks_of(gap, settings_for(recording.camera))
+    estimator = Estimator(recording.camera, Port.lm_map(), modality, gap, settings)
     if not recording.name.startswith("test") or gap not in DOMAIN_GAPS:
         return list(estimate(recording, estimator, rate_hz))
     timed = timed_images(recording, modality, estimator.settings, rate_hz)

@@ -236,16 +236,6 @@ def test_as_printed_is_the_paper_s_procedure(capsys):
     assert report["paper_formula_normal_median_deg"] is None
     code, _, err = run(capsys, *argv, "fused")
     assert code == 1 and "the paper fuses nothing" in err
-    code, _, err = run(capsys, *argv, "rgb", "--thorough")
-    assert code == 1 and "looks once" in err
-
-
-def test_a_thorough_estimate_has_every_pose_of_a_plain_one(tmp_path, capsys):
-    plain, thorough = tmp_path / "plain.csv", tmp_path / "thorough.csv"
-    for poses, more in ((plain, ()), (thorough, ("--thorough",))):
-        assert run(capsys, "estimate", MINI, "--modality", "event", "-o", poses, *more)[0] == 0
-    pairs = zip(read_estimates(plain), read_estimates(thorough), strict=True)
-    assert all(a.status != Status.OK or a.confidence == b.confidence for a, b in pairs)
 
 
 def test_overlay_has_a_picture_an_image(tmp_path, capsys):

@@ -84,3 +84,10 @@ def test_claims_lose_no_column():
     )
     assert all(part in page for part in parts) and "not run" not in page
     assert "why" not in tables.to_text(accuracy_page.claims_table(claims))
+
+
+def test_tables_of_an_earlier_estimator_say_so():
+    assert "present estimator" in accuracy_page.when_made("abc", 0, 14)
+    for before, words in ((14, "since all were run"), (3, "since 3 of 14 sequences were run")):
+        text = accuracy_page.when_made("abc", before, 14)
+        assert words in text and "abc" in text and "changed" in text

@@ -10,7 +10,7 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks, in_view
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
-from lmmap.pipeline import yaw
+from lmmap.pipeline import agreement, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import markers_box_px
 from lmmap.pipeline.network import MaskNetwork
@@ -127,32 +127,43 @@ def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it()
     assert list(estimate_images([], None)) == []
 
 
-def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_port():
-    """Images are of one value: 0 shows nothing, 1 a ring without markers, 2 the port."""
-    statuses, asked = (Status.NO_RING, Status.NO_MARKERS, Status.OK), []
+class Toy:
+    """Sees in an image of one value: 0 nothing, 1 a ring without markers, 2 the port, 3 the port in doubt."""
 
-    def estimator(image, t_us):
-        asked.append(t_us)
-        T = Pose(np.eye(3), np.ones(3)) if image[0, 0] == 2 else None
-        return Estimate(t_us, statuses[int(image[0, 0])], T)
+    settings = replace(OURS, min_confidence=0.85, look_independence=1.0)
 
-    for first, wider, taken in (
-        (0, 2, 5),
-        (1, 2, 5),
-        (0, 0, 9),
-        (1, 0, 9),
-        (0, 1, 9),
-        (2, 2, 9),
-        (0, None, 9),
-    ):
-        asked.clear()
-        shot = TimedImage(
-            9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None
-        )
-        image, answer = estimate_image(estimator, shot)
-        assert answer.t_us == taken and answer.t_us in shot.times_us
-        assert answer.status == statuses[image[0, 0]] and image[0, 0] == (wider if taken == 5 else first)
-        assert asked == ([9] if first == 2 or wider is None else [9, 5])
+    def __init__(self):
+        self.asked = []
+
+    def __call__(self, image, t_us):
+        self.asked.append(t_us)
+        statuses = (Status.NO_RING, Status.NO_MARKERS, Status.OK, Status.UNSURE)
+        kind, T = int(image[0, 0]), Pose(np.eye(3), np.ones(3))
+        seen, doubtful = (T if kind == 2 else None), (T if kind == 3 else None)
+        confidence = {2: 0.97, 3: 0.7}.get(kind, 0.0)
+        return Estimate(t_us, statuses[kind], seen, doubtful=doubtful, confidence=confidence)
+
+    def together(self, estimates):
+        return agreement.together(estimates, Port.lm_map(), self.settings)
+
+
+def shot_of(first, wider):
+    return TimedImage(9, np.full((2, 2), first), (wider is not None and (5, np.full((2, 2), wider))) or None)
+
+
+@pytest.mark.parametrize(
+    "first, wider, taken, status",
+    [(0, 2, 5, "ok"), (1, 2, 5, "ok"), (0, 0, 9, "no_ring"), (1, 0, 9, "no_markers"), (0, 1, 9, "no_ring"),
+     (2, 2, 9, "ok"), (0, None, 9, "no_ring"), (3, 2, 5, "ok"), (3, 0, 9, "unsure"), (3, 3, 9, "ok"),
+     (0, 3, 5, "unsure")],
+)  # fmt: skip
+def test_a_wider_image_is_looked_at_only_where_the_first_shows_no_sure_pose(first, wider, taken, status):
+    """Two doubtful looks that agree are a pose: 1 - 0.3 * 0.3 is over the limit."""
+    estimator, shot = Toy(), shot_of(first, wider)
+    image, answer = estimate_image(estimator, shot)
+    assert (answer.t_us, answer.status) == (taken, status) and answer.t_us in shot.times_us
+    assert image[0, 0] == (wider if taken == 5 else first)
+    assert estimator.asked == ([9] if first == 2 or wider is None else [9, 5])
 
 
 @pytest.mark.parametrize("rate_hz", [None, 5.0, 10.0])

@@ -167,6 +167,15 @@ def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_p
     assert run("changed", go_on=True, sources=["lmmap/types/*.py"]) == 2 * everything
 
 
+def test_sequences_that_another_version_ran_are_named(paper, tmp_path):
+    study = made_up(tmp_path / "other", committed=paper)
+    assert accuracy_run.run_before("paper", study) == []
+    (paper / "sequences" / "test-low-1.zip").unlink()
+    assert accuracy_run.run_before("paper", study) == ["test-low-1"]
+    changed = made_up(tmp_path / "other", committed=paper, sources=["lmmap/types/*.py"])
+    assert accuracy_run.run_before("paper", changed) == accuracy_run.sequences_of("paper")
+
+
 def test_damaged_packed_results_are_one_clear_error(paper, tmp_path):
     path = paper / "sequences" / "test-low.zip"
     path.write_bytes(path.read_bytes()[:200])

@@ -1,0 +1,77 @@
+"""Several looks at one image: what their poses say together.
+
+Two looks are the same network's, so they err together more often than two witnesses would.  A look that
+agrees is therefore worth the power ``look_independence`` of what an independent one would be worth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..geometry.rotations import angle_between_rad, rotation_between_rad
+from ..settings import Settings
+from ..types import Estimate, Port, Pose, Status
+
+IN_DOUBT = (Status.UNSURE, Status.NO_MARKERS)  # a ring is seen, and no pose is sure
+
+
+def in_doubt(estimate: Estimate, settings: Settings) -> bool:
+    """Whether an image shows a ring, but no pose that one look is enough for."""
+    unsure = estimate.status == Status.OK and estimate.confidence < settings.sure_confidence
+    return unsure or estimate.status in IN_DOUBT
+
+
+def alike(a: Pose, b: Pose, port: Port, settings: Settings) -> bool:
+    """Whether two poses differ by less than the errors of a pose that one may dock on."""
+    return bool(
+        np.linalg.norm(a.position_m - b.position_m) < settings.right_position_m
+        and angle_between_rad(a.normal, b.normal) < settings.right_normal_rad
+        and rotation_between_rad(a.rotation, b.rotation, port.yaw_period_rad) < settings.right_rotation_rad
+    )
+
+
+def confidence_together(p: float, q: float, agree: bool, independence: float) -> float:
+    """Probability that the first of two poses is right, by their own probabilities.
+
+    Poses that agree are wrong only if both are: ``1 - (1 - p) (1 - q)^independence``.  Of poses that do not
+    agree at most one is right, so both right is excluded: ``p (1 - q) / (1 - p q)``.
+    """
+    if agree:
+        return 1 - (1 - p) * (1 - q) ** independence
+    return p * (1 - q) / max(1 - p * q, 1e-12)
+
+
+def together(estimates: Sequence[Estimate], port: Port, settings: Settings) -> Estimate:
+    """The answer of several looks at one image: the most confident pose, judged by the others.
+
+    Its status is ``ok`` if the confidence reaches ``settings.min_confidence``, else ``unsure``.  Without any
+    pose the answer is the first look's.
+    """
+    with_pose = [e for e in estimates if _pose(e) is not None]
+    if len(with_pose) < 2:
+        return with_pose[0] if with_pose else estimates[0]
+    best = max(with_pose, key=lambda e: e.confidence)
+    confidence = best.confidence
+    for other in with_pose:
+        if other is not best:
+            agree = alike(_pose(best), _pose(other), port, settings)
+            confidence = confidence_together(confidence, other.confidence, agree, settings.look_independence)
+    return report(best, confidence, settings)
+
+
+def report(estimate: Estimate, confidence: float, settings: Settings) -> Estimate:
+    """An estimate that has a pose, reported with this confidence or not at all."""
+    T_cam_port = _pose(estimate)
+    if confidence >= settings.min_confidence:
+        answer = {"status": Status.OK, "T_cam_port": T_cam_port, "doubtful": None}
+    else:
+        answer = {"status": Status.UNSURE, "T_cam_port": None, "doubtful": T_cam_port}
+    return replace(estimate, **answer, confidence=confidence)
+
+
+def _pose(estimate: Estimate) -> Pose | None:
+    """The pose of one look, reported or not."""
+    return estimate.doubtful if estimate.T_cam_port is None else estimate.T_cam_port
