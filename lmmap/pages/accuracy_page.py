@@ -20,8 +20,8 @@ def when_made(commit: str, before: int, sequences: int) -> str:
     if not before:
         return f"made at {commit}, with the present estimator and networks"
     which = "all" if before == sequences else f"{before} of {sequences} sequences"
-    return (f"made at {commit}; the estimator, its networks or its packages have changed since {which} were run, "
-            "so that now the numbers may be better or worse")  # fmt: skip
+    return (f"made at {commit}; the estimator, its networks or its packages have changed since {which} were "
+            "run, so that now the numbers may be better or worse")  # fmt: skip
 
 
 def difference_counts(compared: pd.DataFrame):

@@ -17,6 +17,7 @@ from ..recordings.formats import open_recording, read_estimates
 from ..studies.pose_errors import METRICS, errors
 from ..studies.reliability import share_intervals
 from ..studies.right_and_wrong import is_wrong
+from ..studies.sequence_files import looks_of
 from ..types import Estimate, Port, Recording, Status
 from .drawings import COLOUR
 from .gallery import paintings
@@ -26,7 +27,8 @@ MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
 SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
 
 
-def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: float) -> pd.DataFrame:
+def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: float,
+                 weights: str = "low") -> pd.DataFrame:  # fmt: skip
     """A row for each image with the ring in view, as the former estimator answered it and as ours does.
 
     The former one is ours without the limit on the confidence.  It differs where ours is `Status.UNSURE`, so
@@ -37,9 +39,11 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
     folder
         With ``NAME.h5`` and ``estimates-LABEL.csv``.
     labels
-        ``(sequence, modality)`` by label, of filters of the low domain gap.
+        ``(sequence, modality)`` by label.
     rate_hz
         The estimates' rate.
+    weights
+        The set of networks that made them.
 
     Returns
     -------
@@ -53,9 +57,8 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
             open_recording(folder / f"{name}.h5"),
             read_estimates(folder / f"estimates-{label}.csv"),
         )
-        again = _without_limit(
-            recording, modality, rate_hz, {e.t_us for e in now if e.status == Status.UNSURE}
-        )
+        unsure = {e.t_us for e in now if e.status == Status.UNSURE}
+        again = _without_limit(recording, modality, weights, rate_hz, unsure)
         before = [again.get(e.t_us, e) for e in now]
         columns = ["t_us", "status", "in_view", *METRICS]
         table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
@@ -69,13 +72,13 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
 
 
 def _without_limit(
-    recording: Recording, modality: str, rate_hz: float, t_us: set[int]
+    recording: Recording, modality: str, weights: str, rate_hz: float, t_us: set[int]
 ) -> dict[int, Estimate]:
     """By time, the estimates at some times, of an estimator that reports poses of any confidence."""
     if not t_us:
         return {}
-    settings = replace(settings_for(recording.camera), min_confidence=0.0)
-    estimator = Estimator(recording.camera, modality=modality, settings=settings)
+    settings = replace(looks_of(weights, settings_for(recording.camera)), min_confidence=0.0)
+    estimator = Estimator(recording.camera, modality=modality, weights=weights, settings=settings)
     images = timed_images(recording, modality, settings, rate_hz)
     estimates = [estimate_image(estimator, image)[1] for image in images if image.times_us & t_us]
     return {e.t_us: e for e in estimates}
@@ -119,6 +122,19 @@ def looks_table(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     order = pd.MultiIndex.from_product([tables, LIGHTS, CAMERAS]).intersection(shares.index, sort=False)
     shares = shares.loc[order].rename(index={**LIGHTS, **CAMERAS})
     return shares.rename_axis(index=(None,) * 3, columns=(None, None))
+
+
+def seen_table(seen: pd.DataFrame) -> pd.DataFrame:
+    """Rings that a person sees and right poses, of ``images, seen, right`` by ``modality`` and ``light``."""
+    table = seen.assign(share=100 * seen.right / seen.seen)
+    table = table.set_index([table.modality.map(CAMERAS), table.light.map(LIGHTS)])
+    words = {"images": "images", "seen": "ring seen", "right": "pose right", "share": "right of seen (%)"}
+    return table[list(words)].rename(columns=words).rename_axis(index=(None, None))
+
+
+def cells_in_words(cells: pd.DataFrame) -> str:
+    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in high light."""
+    return ", ".join(f"{CAMERAS[c.modality]} in {LIGHTS[c.light]}" for c in cells.itertuples())
 
 
 def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool = True):

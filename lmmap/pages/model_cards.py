@@ -58,6 +58,15 @@ def tests(domain_gap: str) -> pd.DataFrame:
     })  # fmt: skip
 
 
+def hardest(domain_gap: str) -> tuple[str, float]:
+    """Of the `tests` of a set, where the most images have no pose, in words, and in how many percent."""
+    table = tests(domain_gap)
+    row = table.loc[table["no pose (%)"].idxmax()]
+    return f"{row.camera} in {row.light} light ({row.place.removesuffix(', judged once')})", row[
+        "no pose (%)"
+    ]
+
+
 def equal_training() -> pd.DataFrame:
     """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
     seeds, and in brackets the least and the most."""

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from lmmap.pages import failures_page
 from lmmap.pipeline.estimator import Estimator
@@ -10,6 +11,7 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import estimate
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording, write_estimates, write_recording
+from lmmap.settings import OURS
 from lmmap.types import Status
 
 LABELS = {"mini-rgb": ("mini", "rgb")}
@@ -22,7 +24,7 @@ def answered(folder, min_confidence: float):
     settings = replace(settings_for(recording.camera), min_confidence=min_confidence)
     estimator = Estimator(recording.camera, modality="rgb", settings=settings)
     write_estimates(list(estimate(recording, estimator, 5)), folder / "estimates-mini-rgb.csv")
-    return failures_page.both_answers(folder, LABELS, 5)
+    return failures_page.both_answers(folder, LABELS, 5, OURS.weights)
 
 
 def test_without_a_limit_the_former_and_the_present_answers_are_the_same(tmp_path):
@@ -45,3 +47,13 @@ def test_what_the_limit_refuses_the_former_estimator_reports(tmp_path):
     titles = [ax.get_title() for ax in fig.axes]
     assert len(titles) == 4 and sum("former: " in title for title in titles) == 2
     assert sum("now: unsure" in title for title in titles) == 2
+
+
+def test_seen_rings_and_right_poses_are_counted_by_cell():
+    seen = pd.DataFrame({"modality": ["rgb", "event"], "light": "high", "images": [10, 8], "seen": [8, 5],
+                         "right": [6, 5]})  # fmt: skip
+    table = failures_page.seen_table(seen)
+    assert table.loc[("frames", "high light"), "right of seen (%)"] == 75
+    assert table.loc[("events", "high light"), "right of seen (%)"] == 100
+    below = seen[seen.right < 0.9 * seen.seen]
+    assert failures_page.cells_in_words(below) == "frames in high light"

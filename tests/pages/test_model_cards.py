@@ -58,3 +58,12 @@ def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
         mask = binarise(load_network(weight_path("ring", modality, "low"), modality)(image))
         overlap = iou(mask, label_masks(T_cam_port, port, recording.camera)[0])
         assert title.endswith(f"IoU {overlap:.2f}")
+
+
+@pytest.mark.parametrize("domain_gap", ["low", "robust"])
+def test_no_cell_is_harder_than_the_hardest(domain_gap):
+    where, percent = model_cards.hardest(domain_gap)
+    table = model_cards.tests(domain_gap)
+    (row,) = table[table["no pose (%)"] == percent].head(1).itertuples()
+    assert (table["no pose (%)"] <= percent).all()
+    assert row.camera in where and f"{row.light} light" in where
