@@ -40,7 +40,7 @@ SHEET = 12  # images of a sheet to judge
 
 
 def answers() -> pd.DataFrame:
-    """A row for each image: its key and light, its pixels and truth, the estimate, and whether it is right."""
+    """A row for each image: its key and light, pixels and truth, the estimate, and whether it is right."""
     rows = []
     for modality in ("rgb", "event"):
         number, last = 0, ""
