@@ -62,9 +62,8 @@ def hardest(domain_gap: str) -> tuple[str, float]:
     """Of the `tests` of a set, where the most images have no pose, in words, and in how many percent."""
     table = tests(domain_gap)
     row = table.loc[table["no pose (%)"].idxmax()]
-    return f"{row.camera} in {row.light} light ({row.place.removesuffix(', judged once')})", row[
-        "no pose (%)"
-    ]
+    place = row.place.removesuffix(", judged once")
+    return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
 
 
 def equal_training() -> pd.DataFrame:
