@@ -23,7 +23,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import joblib
 import numpy as np
 import pandas as pd
 import wrong_poses
@@ -220,9 +219,7 @@ def lowest_limit(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> float
 
 def main() -> None:
     wrong_poses.make()
-    cells = [(s, m, w) for s in wrong_poses.SETS for m in ("rgb", "event") for w in wrong_poses.WEIGHTS[s]]
-    of_cells = joblib.Parallel(2)(joblib.delayed(sights)(*cell) for cell in cells)
-    rows = [row for of_cell in of_cells for row in of_cell]
+    rows = [row for rows in wrong_poses.of_cells(sights) for row in rows]
     tuning = [row for row in rows if row.set.endswith("tuning")]
     fitted = fit(with_pose(tuning))
     print("confidence_ring", fitted.confidence_ring, "confidence_yaw", fitted.confidence_yaw)

@@ -92,8 +92,7 @@ def multinomial_fit(features, true, ridge: float = RIDGE, steps: int = 40) -> np
 
 def main() -> None:
     wrong_poses.make()
-    every = pd.DataFrame([row for s in wrong_poses.SETS for m in ("rgb", "event")
-                          for w in wrong_poses.WEIGHTS[s] for row in views(s, m, w)])  # fmt: skip
+    every = pd.DataFrame([row for rows in wrong_poses.of_cells(views) for row in rows])
     weights = {}
     for modality in ("rgb", "event"):
         chosen = every[every.set.str.endswith("tuning") & (every.modality == modality)]

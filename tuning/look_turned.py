@@ -11,6 +11,7 @@ neither train nor test anything.  The table goes to data/results/turned.csv.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import pandas as pd
 import wrong_poses
@@ -23,9 +24,8 @@ LOOKS = {"first look": replace(OURS, turned_look=False, sure_confidence=0.0), "l
 
 def main() -> None:
     wrong_poses.make()
-    every = pd.concat([wrong_poses.outcomes(LOOKS, name, modality, OURS.weights)
-                       for name in wrong_poses.SETS for modality in ("rgb", "event")])  # fmt: skip
-    every = every.rename(columns={"estimator": "looks"})
+    every = pd.concat(wrong_poses.of_cells(partial(wrong_poses.outcomes, LOOKS)))
+    every = every[every.weights == OURS.weights].rename(columns={"estimator": "looks"})
     table = wrong_poses.shares(every, ("set", "modality", "light", "looks"))
     print(table.round(1).to_string())
     save_table(DATA / "results" / "turned.csv", table, sequences=wrong_poses.SEQUENCES)

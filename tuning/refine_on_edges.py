@@ -60,8 +60,7 @@ def poses(set_name: str, modality: str, weights: str) -> list[dict]:
 
 def main() -> None:
     wrong_poses.make()
-    every = pd.DataFrame([row for s in wrong_poses.SETS for m in ("rgb", "event")
-                          for w in wrong_poses.WEIGHTS[s] for row in poses(s, m, w)])  # fmt: skip
+    every = pd.DataFrame([row for rows in wrong_poses.of_cells(poses) for row in rows])
     tuning = every[every.set.str.endswith("tuning")]
     inflation = tuning.groupby("modality")["after distance"].quantile(0.95) / REGION
     print("edge_inflation", inflation.round(2).to_dict())

@@ -21,7 +21,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import joblib
@@ -75,6 +75,7 @@ LIGHT = {name: light for names in SETS.values() for name, light in names.items()
 ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}
 LATER = ("judged once", "further tuning")  # sets of the default networks alone
 WEIGHTS = {place: (OURS.weights,) if place.endswith(LATER) else ("low", OURS.weights) for place in SETS}
+CELLS = [(place, m, w) for place in SETS for m in ("rgb", "event") for w in WEIGHTS[place]]
 ESTIMATORS = {
     "every pose": replace(OURS, min_confidence=0.0),
     "confident poses": OURS,
@@ -257,6 +258,11 @@ def outcomes(estimators: dict[str, Settings], set_name: str, modality: str, weig
     return pd.DataFrame(rows)
 
 
+def of_cells(function) -> list:
+    """A function's values of `CELLS`, several at once."""
+    return joblib.Parallel(os.cpu_count())(joblib.delayed(function)(*cell) for cell in CELLS)
+
+
 def shares(table: pd.DataFrame, by=("set", "modality", "weights", "light", "estimator")) -> pd.DataFrame:
     """Images, and percentages of them."""
     groups = table.groupby(list(by), sort=False)
@@ -266,8 +272,7 @@ def shares(table: pd.DataFrame, by=("set", "modality", "weights", "light", "esti
 
 def main() -> None:
     make()
-    rows = [outcomes(ESTIMATORS, s, m, w) for s in SETS for m in ("rgb", "event") for w in WEIGHTS[s]]
-    every = pd.concat(rows, ignore_index=True)
+    every = pd.concat(of_cells(partial(outcomes, ESTIMATORS)), ignore_index=True)
     table = shares(every)
     print(table.round(1).to_string())
     print(every.groupby("estimator").cpu_ms.median().round(1).to_string())

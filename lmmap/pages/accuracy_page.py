@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
 
 import numpy as np
 import pandas as pd
 
+from ..studies.accuracy_run import COMMITTED, run_before, sequences_of
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
 from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
@@ -22,6 +24,12 @@ def when_made(commit: str, before: int, sequences: int) -> str:
     which = "all" if before == sequences else f"{before} of {sequences} sequences"
     return (f"made at {commit}; the estimator, its networks or its packages have changed since {which} were "
             "run, so that now the numbers may be better or worse")  # fmt: skip
+
+
+def paper_tables_made() -> str:
+    """`when_made` of the committed tables of the paper's durations."""
+    commit = json.loads((COMMITTED / "summary.provenance.json").read_text())["commit"]
+    return when_made(commit, len(run_before("paper")), len(sequences_of("paper")))
 
 
 def difference_counts(compared: pd.DataFrame):
