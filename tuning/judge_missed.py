@@ -2,11 +2,10 @@
 
     python tuning/judge_missed.py
 
-The images are those of the set "other laboratory, judged once" of `wrong_poses`.  Each image without a right
-pose is looked at by a person, who writes into `tuning/rings-seen.csv` whether the ring's outline can be
-followed on more than half of its length, without knowing what the estimator said.  Images that nobody has
-judged yet are drawn into data/derived/missed, and the script ends; it is called again when they are in the
-file.  The table of seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of
+The images are those of the set "other laboratory, judged once" of `wrong_poses`.  A person looked at all of
+them before any network did, and wrote into `tuning/rings-seen.csv` whether the ring's outline can be followed
+on more than half of its length.  Images that nobody has judged yet, as after a change of the bench, are drawn
+into data/derived/missed, and the script ends; it is called again when they are in the file.  The table of seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of
 images that a person can read and the estimator cannot to data/results/missed-elsewhere.jpg.
 """
 
@@ -102,9 +101,9 @@ def main() -> None:
     rows = answers()
     judged = pd.read_csv(SEEN) if SEEN.exists() else pd.DataFrame(columns=[*KEY, "seen"])
     rows = rows.merge(judged, "left", KEY)
-    if len(open_rows := rows[~rows.right & rows.seen.isna()]):
-        files = draw_to_judge(open_rows.sample(frac=1, random_state=0))
-        sys.exit(f"{len(open_rows)} images to judge: see {', '.join(map(str, files))}; add rows to {SEEN}")
+    if len(unknown := rows[rows.seen.isna()]):
+        files = draw_to_judge(unknown)
+        sys.exit(f"{len(unknown)} images to judge: see {', '.join(map(str, files))}; add rows to {SEEN}")
     rows["seen"] = rows.right | (rows.seen == 1)  # what the estimator reads, a person could
     cells = rows.groupby(["modality", "light"], sort=False)
     table = cells.agg(images=("seen", "size"), seen=("seen", "sum"), right=("right", "sum")).reset_index()
