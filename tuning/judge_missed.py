@@ -5,8 +5,9 @@
 The images are those of the set "other laboratory, judged once" of `wrong_poses`.  A person looked at all of
 them before any network did, and wrote into `tuning/rings-seen.csv` whether the ring's outline can be followed
 on more than half of its length.  Images that nobody has judged yet, as after a change of the bench, are drawn
-into data/derived/missed, and the script ends; it is called again when they are in the file.  The table of seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of
-images that a person can read and the estimator cannot to data/results/missed-elsewhere.jpg.
+into data/derived/missed, and the script ends; it is called again when they are in the file.  The table of
+seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of images that a person can
+read and the estimator cannot to data/results/missed-elsewhere.jpg.
 """
 
 from __future__ import annotations
