@@ -3,6 +3,7 @@
 import re
 
 import pandas as pd
+import pytest
 
 from lmmap.provenance import DATA, ROOT
 from lmmap.settings import OURS
@@ -22,10 +23,13 @@ def test_no_slot_is_left_open():
     assert "@@" not in (ROOT / "README.md").read_text()
 
 
-def test_its_shares_are_those_of_the_table():
+@pytest.mark.parametrize(
+    "place, light", [("other laboratory, judged once", None), ("bench, held out", "high")]
+)
+def test_its_shares_are_those_of_the_table(place, light):
     table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
-    cells = table[(table.set == "other laboratory, judged once") & (table.estimator == "confident poses")]
-    cells = cells[cells.weights == OURS.weights]
+    cells = table[(table.set == place) & (table.estimator == "confident poses")]
+    cells = cells[(cells.weights == OURS.weights) & ((cells.light == light) | (light is None))]
     right, wrong = (
         round((cells[name] * cells.images / 100).sum()) for name in ("right_percent", "wrong_percent")
     )
