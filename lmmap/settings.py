@@ -89,7 +89,7 @@ class Settings(PaperSettings):
     # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
     sure_confidence: float = 0.95  # from here on one look is enough
-    look_independence: float = 0.61  # of two looks that agree; tuning/calibrate_confidence.py
+    look_independence: float = 0.5  # of two looks that agree; tuning/calibrate_confidence.py
 
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py
@@ -117,7 +117,7 @@ class Settings(PaperSettings):
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
     # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
     # `outline.support`; tuning/fit_yaw.py
-    yaw_weights: PerCamera = PerCamera(rgb=(13.73, 11.93, 12.37, 5.21), event=(33.45, 20.81, 3.62, 4.04))
+    yaw_weights: PerCamera = PerCamera(rgb=(27.61, 15.83, 11.95, 4.35), event=(43.0, 25.64, 6.38, 4.0))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 
@@ -143,7 +143,7 @@ class Settings(PaperSettings):
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.95, event=1.79)  # of a pose's refined on the image's edges
+    edge_inflation: PerCamera = PerCamera(rgb=1.93, event=2.48)  # of a pose's refined on the image's edges
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
@@ -151,9 +151,9 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (-6.763, -1.384, -15.33, 1.213, 0.589)  # of position and normal
-    confidence_yaw: tuple[float, ...] = (-3.127, 0.4, -0.262, 6.825)  # that the yaw is right, if they are
-    min_confidence: float = 0.83  # below, the status is `UNSURE` and there is no pose
+    confidence_ring: tuple[float, ...] = (-3.733, -0.757, -8.536, 1.461, 0.562)  # of position and normal
+    confidence_yaw: tuple[float, ...] = (-8.26, 0.352, -0.005, 15.581)  # that the yaw is right, if they are
+    min_confidence: float = 0.85  # below, the status is `UNSURE` and there is no pose
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look

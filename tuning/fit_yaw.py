@@ -31,7 +31,7 @@ PORT, CAMERA = wrong_poses.PORT, wrong_poses.CAMERA
 def views(set_name: str, modality: str, weights: str) -> list[dict]:
     """A row for each look whose ring is right: what speaks for each normal and yaw (2, yaws, 4), which of
     them are true (2, yaws), and whether `yaw.fast_yaw` is right by mask, and by mask and image."""
-    estimator, rows = wrong_poses.on_masks(modality, OURS), []
+    estimator, rows = wrong_poses.OnMasks(modality, OURS), []
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
             estimator.looks = [look]

@@ -43,10 +43,10 @@ def answers() -> pd.DataFrame:
     """A row for each image: its key and light, pixels and truth, the estimate, and whether it is right."""
     rows = []
     for modality in ("rgb", "event"):
-        number, last = 0, ""
+        estimator, number, last = wrong_poses.OnMasks(modality, OURS), 0, ""
         for case in wrong_poses.cases(SET, modality, OURS.weights):
             number, last = (number + 1 if case.name == last else 0), case.name
-            estimate, look = wrong_poses.on_masks(modality, OURS).answer(case)
+            estimate, look = estimator.answer(case)
             T = estimate.T_cam_port
             rows.append({"sequence": case.name, "modality": modality, "image": number, "light": case.light,
                          "pixels": case.looks[0].image, "truth": case.looks[0].truth, "estimate": estimate,

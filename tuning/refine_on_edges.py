@@ -40,11 +40,12 @@ def squared_distance(T, covariance, truth) -> float:
 def poses(set_name: str, modality: str, weights: str) -> list[dict]:
     """A row for each look at which both estimators have a pose with the right yaw."""
     rows = []
+    estimators = {name: wrong_poses.OnMasks(modality, settings) for name, settings in ESTIMATORS.items()}
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
             row = {"set": set_name, "light": case.light, "modality": modality, "weights": weights}
-            for name, settings in ESTIMATORS.items():
-                estimate = wrong_poses.on_masks(modality, settings).once(look)
+            for name, estimator in estimators.items():
+                estimate = estimator.once(look)
                 T, truth = estimate.T_cam_port, look.truth
                 if T is None or position_error_m(T, truth) > OURS.right_position_m:
                     break

@@ -21,7 +21,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import NamedTuple
 
 import joblib
@@ -35,12 +35,12 @@ from tqdm import tqdm
 from lmmap.bench import sequences
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import MaskNetwork, TurnedToo, crop_bounds
+from lmmap.pipeline.network import TurnedToo, crop_bounds
 from lmmap.pipeline.run import TimedImage, estimate_image, timed_images
-from lmmap.pipeline.weights import FILTERS, load_network, weight_path
+from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.settings import OURS, Settings
-from lmmap.studies import sequence_files
+from lmmap.studies.sequence_files import looks_of
 from lmmap.types import Camera, Estimate, Port, Pose, Recording
 
 LIGHTS = ("low", "medium", "high")  # of `realistic-N`, by N modulo 3
@@ -144,18 +144,13 @@ def _in_parallel(function, arguments: list, what: str) -> None:
     deque(tqdm(done, what, len(arguments), disable=None), maxlen=0)
 
 
-@cache
-def _network(filter_name: str, modality: str, weights: str) -> MaskNetwork:
-    return load_network(weight_path(filter_name, modality, weights), modality)
-
-
 def _save_masks(name: str, weights: str) -> None:
     """The masks that both networks make of each image, (N, 2, 2, H, W): of the image, and with its turn."""
     torch.set_num_threads(1)
     masks = {}
     with np.load(_path(name)) as images:
         for kind in KINDS:
-            networks = [_network(f, kind.split()[0], weights) for f in FILTERS]
+            networks = load_networks(weights, kind.split()[0])
             ways = networks, [TurnedToo(network) for network in networks]
             of_each = [[[f(image) for f in way] for way in ways] for image in images[kind]]
             masks[kind] = np.array(of_each, np.float16)
@@ -237,16 +232,13 @@ class OnMasks(Estimator):
         return mask
 
 
-on_masks = cache(OnMasks)
-
-
 def outcomes(estimators: dict[str, Settings], set_name: str, modality: str, weights: str) -> pd.DataFrame:
     """A row for each image and estimator: what its answer is, with what confidence, in what CPU time."""
     rows = []
+    on_masks = {name: OnMasks(modality, looks_of(weights, s)) for name, s in estimators.items()}
     for case in cases(set_name, modality, weights):
-        for name, settings in estimators.items():
-            settings = sequence_files.looks_of(weights, settings)
-            estimator, began_s = on_masks(modality, settings), time.thread_time()
+        for name, estimator in on_masks.items():
+            began_s = time.thread_time()
             estimate, look = estimator.answer(case)
             took_ms = 1e3 * (time.thread_time() - began_s)
             pose = estimate.T_cam_port is not None
