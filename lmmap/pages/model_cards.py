@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
 
 import matplotlib.pyplot as plt
@@ -44,6 +45,20 @@ def training(domain_gap: str) -> pd.DataFrame:
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
             })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def networks(domain_gap: str) -> str:
+    """The networks of a set, as a table's provenance names them (``networks``)."""
+    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in CHANNELS]
+    return " ".join(load_card(path)["sha256"][:12] for path in paths)
+
+
+def of_networks(table: str) -> str:
+    """In words, whether a table of data/results was made with the present `robust` networks."""
+    facts = json.loads((DATA / "results" / f"{table}.provenance.json").read_text())
+    if facts.get("networks") == networks(OURS.weights):
+        return "of the present networks"
+    return f"of the networks before the last training (commit {facts['commit']})"
 
 
 def tests(domain_gap: str) -> pd.DataFrame:

@@ -1,6 +1,7 @@
 """Model cards say what the weights' own cards and the committed results say."""
 
 import hashlib
+import json
 
 import pytest
 
@@ -67,3 +68,13 @@ def test_no_cell_is_harder_than_the_hardest(domain_gap):
     (row,) = table[table["no pose (%)"] == percent].head(1).itertuples()
     assert (table["no pose (%)"] <= percent).all()
     assert row.camera in where and f"{row.light} light" in where
+
+
+def test_a_table_says_whether_it_is_of_the_present_networks(tmp_path, monkeypatch):
+    monkeypatch.setattr(model_cards, "DATA", tmp_path)
+    (tmp_path / "results").mkdir()
+    for facts, words in (({"networks": model_cards.networks(OURS.weights), "commit": "abc"}, "present"),
+                         ({"networks": model_cards.networks("low"), "commit": "abc"}, "before"),
+                         ({"commit": "abc"}, "commit abc")):  # fmt: skip
+        (tmp_path / "results" / "t.provenance.json").write_text(json.dumps(facts))
+        assert words in model_cards.of_networks("t")
