@@ -36,6 +36,7 @@ TABLE, PICTURE = (DATA / "results" / f"missed-elsewhere.{ending}" for ending in 
 TO_JUDGE = DERIVED_DATA / "missed"
 KEY = ["sequence", "modality", "image"]
 SHOWN = 10
+MARGIN = 1.6  # of a cut-out, in semi-major axes of the ring
 SHEET = 12  # images of a sheet to judge
 
 
@@ -65,7 +66,7 @@ def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
         for ax, row in zip(axes.flat, rows.iloc[first : first + SHEET].itertuples(), strict=False):
             drawings.show_image(ax, row.pixels, f"{row.sequence} {row.modality} {row.image}")
             ring = circle_ellipse(row.truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
-            half_px = 1.8 * ring.semi_axes_px[0]
+            half_px = MARGIN * ring.semi_axes_px[0]
             (u, v), ticks = ring.centre_px, half_px * np.array([[-1, -0.85], [0.85, 1]])
             for span in ticks:
                 ax.plot(u + span, [v, v], color=drawings.COLOUR["truth"], lw=1)
@@ -78,7 +79,7 @@ def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
 
 
 def draw_missed(rows: pd.DataFrame) -> None:
-    """A sheet of images, the true ring green and the ellipse, where one was found, blue."""
+    """A sheet of cut-outs, the true ring green and the ellipse, where one was found, blue."""
     height = -(-len(rows) // COLUMNS)
     fig, axes = plt.subplots(height, COLUMNS, figsize=(TILE_IN * COLUMNS, TILE_IN * height), squeeze=False)
     for ax in axes.flat:
@@ -88,6 +89,9 @@ def draw_missed(rows: pd.DataFrame) -> None:
         drawings.draw_estimate(ax, row.pixels, estimate, wrong_poses.PORT, wrong_poses.CAMERA, row.truth)
         if estimate.T_cam_port is None and estimate.ellipse is not None:
             drawings.draw_ellipse(ax, estimate.ellipse)
+        ring = circle_ellipse(row.truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
+        (u, v), half_px = ring.centre_px, MARGIN * ring.semi_axes_px[0]
+        ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
         said = ANSWERS[str(estimate.status)] if estimate.T_cam_port is None else "wrong"
         ax.set_axis_off()
         ax.set_title(f"{LIGHTS[row.light]}, {CAMERAS[row.modality]}\n{said}", fontsize=8)

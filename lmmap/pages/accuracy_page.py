@@ -21,9 +21,9 @@ def when_made(commit: str, before: int, sequences: int) -> str:
     ``sequences`` with another estimator, networks or environment than the present ones."""
     if not before:
         return f"made at {commit}, with the present estimator and networks"
-    which = "all" if before == sequences else f"{before} of {sequences} sequences"
-    return (f"made at {commit}; the estimator, its networks or its packages have changed since {which} were "
-            "run, so that now the numbers may be better or worse")  # fmt: skip
+    since = "since" if before == sequences else f"since {before} of {sequences} sequences were run"
+    return (f"made at {commit}; the estimator, its networks or its packages have changed {since}, "
+            "so that now the numbers may be better or worse")  # fmt: skip
 
 
 def paper_tables_made() -> str:
