@@ -6,8 +6,8 @@ A pose is wrong if it is off by 20 mm, 5 deg of the normal or 10 deg of the rota
 images with the whole ring in view, per light, camera and set of weights; images in doubt get their further
 looks.  The sequences are short, some on the bench and some in another laboratory (`validation_world`), whose
 materials no network has seen.  The sets named tuning tune `calibrate_confidence`; others are held out.  The
-first sets are small, and were looked at often.  So a larger one of the other laboratory judges the default
-networks, and changes nothing.  The further tuning sets were added when looks turned out to err together,
+first sets are small, and were looked at often.  So a larger one of the other laboratory judges each version
+of the default networks once, and changes nothing.  The further tuning sets were added when looks turned out to err together,
 which the small ones had not shown.  High light has most of the sequences, for most wrong poses are there.
 `ESTIMATORS` compares our settings with those that report every pose.  Images, masks and true poses are kept
 in data/derived/wrong, so that a change of the geometry is judged in a minute; remove that folder after a
