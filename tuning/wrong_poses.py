@@ -7,11 +7,11 @@ images with the whole ring in view, per light, camera and set of weights; images
 looks.  The sequences are short, some on the bench and some in another laboratory (`validation_world`), whose
 materials no network has seen.  The sets named tuning tune `calibrate_confidence`; others are held out.  The
 first sets are small, and were looked at often.  So a larger one of the other laboratory judges each version
-of the default networks once, and changes nothing.  The further tuning sets were added when looks turned out to err together,
-which the small ones had not shown.  High light has most of the sequences, for most wrong poses are there.
-`ESTIMATORS` compares our settings with those that report every pose.  Images, masks and true poses are kept
-in data/derived/wrong, so that a change of the geometry is judged in a minute; remove that folder after a
-change of the bench or of the weights.  The table is kept in data/results/wrong-poses.csv.
+of the default networks once, and changes nothing.  The further tuning sets were added when looks turned out
+to err together, which the small ones had not shown.  High light has most of the sequences, for most wrong
+poses are there.  `ESTIMATORS` compares our settings with those that report every pose.  Images, masks and
+true poses are kept in data/derived/wrong, so that a change of the geometry is judged in a minute; remove that
+folder after a change of the bench or of the weights.  The table is kept in data/results/wrong-poses.csv.
 """
 
 from __future__ import annotations
