@@ -51,15 +51,15 @@ EVERY_POSE = replace(OURS, min_confidence=0.0)
 class Witness(wrong_poses.OnMasks):
     """An estimator that reports every pose, and keeps its evidence and that of misplaced ones."""
 
+    def __init__(self, modality: str, settings: Settings):
+        self.kept: dict = {}  # shared with the estimator of turned images
+        super().__init__(modality, settings)
+
     def confidence(self, T_cam_port, covariance, best, *images) -> float:
         about = covariance, best.sigma_rad, best.log_odds, *images, self.port, self.grid
         self.kept["evidence"] = verify.evidence(T_cam_port, *about)
         self.kept["misplaced"] = [verify.evidence(T, *about) for T in misplaced(T_cam_port, self.port)]
         return 1.0
-
-    def __init__(self, modality: str, settings: Settings):
-        self.kept: dict = {}  # shared with the estimator of turned images
-        super().__init__(modality, settings)
 
 
 def misplaced(T_cam_port: Pose, port) -> list[Pose]:

@@ -19,13 +19,12 @@ from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
 from lmmap.geometry.port import in_view
-from lmmap.pipeline import yaw
+from lmmap.pipeline import agreement, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
 from lmmap.provenance import DATA, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
-from lmmap.studies.metrics import normal_error_rad, position_error_m, rotation_error_rad
 from lmmap.types import Port, Pose
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
@@ -50,11 +49,7 @@ def timed_truths(estimator: Estimator):
 
 
 def right(T: Pose, truth: Pose, port: Port) -> bool:
-    return bool(
-        position_error_m(T, truth) < OURS.right_position_m
-        and normal_error_rad(T, truth) < OURS.right_normal_rad
-        and rotation_error_rad(T, truth, port.yaw_period_rad) < OURS.right_rotation_rad
-    )
+    return agreement.alike(T, truth, port, OURS)
 
 
 def answers(estimator: Estimator, image, truth) -> list[dict]:

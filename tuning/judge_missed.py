@@ -28,7 +28,7 @@ from lmmap.pages.gallery import COLUMNS, DPI, TILE_IN
 from lmmap.pages.tables import ANSWERS, CAMERAS, LIGHTS
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.settings import OURS
-from lmmap.types import Estimate
+from lmmap.types import Estimate, Pose
 
 SET = "other laboratory, judged once"
 SEEN = Path(__file__).with_name("rings-seen.csv")
@@ -55,6 +55,14 @@ def answers() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def cut_out(ax, truth: Pose) -> tuple[np.ndarray, float]:
+    """Bound axes to the surroundings of the ring at a pose; returns their centre and half their width."""
+    ring = circle_ellipse(truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
+    (u, v), half_px = ring.centre_px, MARGIN * ring.semi_axes_px[0]
+    ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
+    return ring.centre_px, half_px
+
+
 def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
     """Sheets of images cut out around the ring, whose place four ticks show."""
     TO_JUDGE.mkdir(parents=True, exist_ok=True)
@@ -65,13 +73,10 @@ def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
             ax.set_axis_off()
         for ax, row in zip(axes.flat, rows.iloc[first : first + SHEET].itertuples(), strict=False):
             drawings.show_image(ax, row.pixels, f"{row.sequence} {row.modality} {row.image}")
-            ring = circle_ellipse(row.truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
-            half_px = MARGIN * ring.semi_axes_px[0]
-            (u, v), ticks = ring.centre_px, half_px * np.array([[-1, -0.85], [0.85, 1]])
-            for span in ticks:
+            (u, v), half_px = cut_out(ax, row.truth)
+            for span in half_px * np.array([[-1, -0.85], [0.85, 1]]):
                 ax.plot(u + span, [v, v], color=drawings.COLOUR["truth"], lw=1)
                 ax.plot([u, u], v + span, color=drawings.COLOUR["truth"], lw=1)
-            ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
         files.append(TO_JUDGE / f"{first // SHEET:02d}.png")
         fig.savefig(files[-1], dpi=80, facecolor="white")
         plt.close(fig)
@@ -89,9 +94,7 @@ def draw_missed(rows: pd.DataFrame) -> None:
         drawings.draw_estimate(ax, row.pixels, estimate, wrong_poses.PORT, wrong_poses.CAMERA, row.truth)
         if estimate.T_cam_port is None and estimate.ellipse is not None:
             drawings.draw_ellipse(ax, estimate.ellipse)
-        ring = circle_ellipse(row.truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
-        (u, v), half_px = ring.centre_px, MARGIN * ring.semi_axes_px[0]
-        ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
+        cut_out(ax, row.truth)
         said = ANSWERS[str(estimate.status)] if estimate.T_cam_port is None else "wrong"
         ax.set_axis_off()
         ax.set_title(f"{LIGHTS[row.light]}, {CAMERAS[row.modality]}\n{said}", fontsize=8)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..files import atomic
@@ -26,10 +27,11 @@ def pack(path: Path, files: Iterable[Path], folder: Path, mark: str) -> Path:
 
 
 def mark_of(path: Path) -> str | None:
-    """The fingerprint of what made an archive's results, or None where there is no archive."""
+    """The fingerprint of what made an archive's results, or None where there is no archive; errors as
+    `unpack`."""
     if not path.exists():
         return None
-    with zipfile.ZipFile(path) as archive:
+    with _reading(path) as archive:
         return archive.read(MARK).decode()
 
 
@@ -46,13 +48,17 @@ def unpack(path: Path, folder: Path, mark: str) -> bool:
     InputError
         If the file is damaged.
     """
-    if not path.exists():
+    if mark_of(path) != mark:
         return False
+    with _reading(path) as archive:
+        archive.extractall(folder, [name for name in archive.namelist() if name != MARK])
+    return True
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[zipfile.ZipFile]:
     try:
         with zipfile.ZipFile(path) as archive:
-            if archive.read(MARK).decode() != mark:
-                return False
-            archive.extractall(folder, [name for name in archive.namelist() if name != MARK])
+            yield archive
     except (zipfile.BadZipFile, KeyError, EOFError, ValueError, OSError, NotImplementedError) as error:
         raise InputError(f"{path}: no readable results ({error}); restore it or delete it") from None
-    return True

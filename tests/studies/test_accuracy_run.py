@@ -182,6 +182,8 @@ def test_damaged_packed_results_are_one_clear_error(paper, tmp_path):
     study = made_up(tmp_path / "other", committed=paper)
     with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
         accuracy_run.reproduce("paper", print, go_on=True, study=study)
+    with pytest.raises(InputError, match=r"test-low.zip: no readable results .* restore it or delete it"):
+        accuracy_run.run_before("paper", study)
 
 
 def test_equal_results_pack_to_equal_bytes(tmp_path):

@@ -18,8 +18,6 @@ MASKS = ideal_masks(T0, PORT, CAMERA).astype(np.float32)
 class Network:
     """Of each image, told by its first pixel, one mask as it is and one of its turned copy, turned back."""
 
-    stride_px, inputs_of = 1, staticmethod(lambda first, last: (first, last))
-
     def __init__(self, plain, turned):
         self.plain, self.turned = plain, turned
 
@@ -51,8 +49,7 @@ def test_kept_masks_give_the_pipeline_s_answer(shown, weights):
         Network({k: p * MASKS[f] for k, (p, _) in enumerate(shown, 1)},
                 {k: t * MASKS[f] for k, (_, t) in enumerate(shown, 1)}) for f in (0, 1)
     ]  # fmt: skip
-    whole = [lambda img, n=n: n(img) for n in networks]  # without a stride no crop is asked for
-    estimator = Estimator(CAMERA, PORT, "event", tuple(whole), settings)
+    estimator = Estimator(CAMERA, PORT, "event", tuple(networks), settings)
     _, expected = estimate_image(estimator, TimedImage(0, image(1), (1, image(2))))
     told, look = wrong_poses.OnMasks("event", settings).answer(case(shown))
     assert (told.status, told.t_us) == (expected.status, expected.t_us) and look.truth is T0
