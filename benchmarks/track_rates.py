@@ -21,8 +21,8 @@ import pandas as pd
 
 from lmmap.bench import laboratory
 from lmmap.files import has_mark, write_text
-from lmmap.pages.model_cards import networks
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.weights import set_hashes
 from lmmap.provenance import DATA, DERIVED_DATA, save_table, source_files
 from lmmap.settings import OURS
 from lmmap.studies import accuracy_run, sequence_files, tracks
@@ -95,7 +95,7 @@ def main() -> None:
     print(table.round(2).to_string(index=False))
     path = DATA / "results" / ("tracks" + (f"-{a.profile}" if a.profile else "") + ".csv")
     if not a.only:
-        save_table(path, table, sequences=names, seconds=seconds, networks=networks(OURS.weights))
+        save_table(path, table, sequences=names, seconds=seconds, networks=set_hashes(OURS.weights))
 
 
 if __name__ == "__main__":

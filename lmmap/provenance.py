@@ -24,7 +24,7 @@ DATA = (ROOT if CHECKOUT else PACKAGE) / "data"  # a wheel carries its data insi
 DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
 PAGE_SOURCES = ("lmmap/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*", "data/*.json",
-            "data/results/**/*.[cjt]*", "data/derived/quick/*.[cj]s*", "data/derived/paper/*.[cj]s*",
+            "data/results/**/*.[cjt]*", "data/derived/{profile}/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "book/_static/*.js", "environment.txt")  # fmt: skip
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
@@ -86,7 +86,8 @@ def fingerprint(*extra: str, patterns=("lmmap/**/*.py", "data/weights/*", "envir
 def page_fingerprint(root: Path = ROOT) -> str:
     """Hash of the profile, and of names and contents of all that the book's pages are made of."""
     digest = hashlib.sha256(profile().encode())
-    for path in sorted(p for pattern in PAGE_SOURCES for p in root.glob(pattern) if p.is_file()):
+    patterns = [pattern.format(profile=profile()) for pattern in PAGE_SOURCES]
+    for path in sorted(p for pattern in patterns for p in root.glob(pattern) if p.is_file()):
         digest.update(f"{path.relative_to(root)}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:16]

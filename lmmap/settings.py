@@ -84,7 +84,7 @@ class Settings(PaperSettings):
     enlarged_looks: tuple[float, ...] = (1.2, 1.44)  # at a small sensor's histogram without a pose as it is
 
     # windows of events
-    second_look_factor: float = 2.0  # times N, where N events show no port; tuning/choose_look.py
+    second_look_factor: float = 2.0  # times N, where N events show no sure pose; tuning/choose_look.py
 
     # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn

@@ -30,6 +30,7 @@ from choose_thresholds import right
 from scipy.spatial.transform import Rotation
 
 from lmmap.pipeline import agreement
+from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.provenance import DATA, save_table
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
@@ -111,23 +112,30 @@ def _sight(witness: Witness, estimate: Estimate, truth: Pose) -> Sight:
     return Sight(estimate, *witness.kept.values(), bool(circle_right), right(T, truth, wrong_poses.PORT))
 
 
-def answer(looks: list[tuple], settings: Settings) -> tuple[Estimate, bool]:
-    """The estimator's answer to ``(estimate, right)`` of all looks, and whether it is right."""
+class Told(wrong_poses.OnMasks):
+    """An estimator that is told what its looks show: an image is their estimates, as it is and turned."""
 
-    def with_turn(first, *turned):
-        return _together([first, *turned], settings) if agreement.in_doubt(first[0], settings) else first
+    turn = 0
 
-    first, *wider = looks
-    e = with_turn(*first)
-    if wider and (e[0].T_cam_port is None or agreement.in_doubt(e[0], settings)):
-        e = _together([e, with_turn(*wider[0])], settings)
-    return e
+    def __init__(self, modality: str, settings: Settings):
+        super().__init__(modality, settings)
+        self._turned = [self._with(turn=1) for _ in self._turned]
+
+    def to_grid(self, image):
+        return image
+
+    def in_camera(self, estimate):
+        return estimate
+
+    def on_grid(self, image, t_us=0, near=None):
+        return image[self.turn]
 
 
-def _together(pairs, settings: Settings) -> tuple[Estimate, bool]:
-    """`agreement.together` of the estimates of ``(estimate, right)``, and whether that one is right."""
-    e = agreement.together([estimate for estimate, _ in pairs], wrong_poses.PORT, settings)
-    return e, next(good for estimate, good in pairs if estimate.ellipse is e.ellipse)
+def answer(told: Told, looks: list[tuple]) -> tuple[Estimate, bool]:
+    """The answer to ``(estimate, right)`` of all looks, and whether it is right."""
+    first, *wider = ([estimate for estimate, _ in look] for look in looks)
+    _, e = estimate_image(told, TimedImage(0, first, (0, wider[0]) if wider else None))
+    return e, next(good for look in looks for estimate, good in look if estimate.ellipse is e.ellipse)
 
 
 def logistic_fit(evidence, outcome, weight=None, ridge: float = RIDGE, steps: int = 50) -> np.ndarray:
@@ -173,13 +181,14 @@ def with_pose(rows: list[Sights]) -> list[Sight]:
 def answers(rows: list[Sights], fitted: Settings, settings: Settings) -> Iterator[tuple[Estimate, bool]]:
     """`answer` to each image, each look's confidence by ``fitted``."""
 
-    def told(sight: Sight):
+    def judged(sight: Sight):
         e = sight.estimate
         if sight.evidence is not None:
             e = agreement.report(e, float(verify.confidence(sight.evidence, fitted)), settings)
         return e, sight.right
 
-    return (answer([tuple(map(told, look)) for look in row.looks], settings) for row in rows)
+    told = {key: Told(key[0], looks_of(key[1], settings)) for key in {row[3:5] for row in rows}}
+    return (answer(told[row[3:5]], [tuple(map(judged, look)) for look in row.looks]) for row in rows)
 
 
 def tuned(rows: list[Sights], changes: Settings = OURS) -> list[tuple[Estimate, bool]]:

@@ -28,10 +28,10 @@ from lmmap.bench import sequences
 from lmmap.bench.laboratory import sequence
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import in_view
-from lmmap.pages.model_cards import networks
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import outside_training
 from lmmap.pipeline.run import estimate_image, timed_images
+from lmmap.pipeline.weights import set_hashes
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, Ellipse, Port, Pose, Recording, Trajectory
@@ -169,7 +169,8 @@ def main() -> None:
     every = pd.concat([pd.read_csv(f) for f in files if f.stat().st_size > 2], ignore_index=True)
     table = summary(every.sort_values("sensor", key=lambda s: s.map(list(SENSORS).index), kind="stable"))
     print(table.query("light == 'all'").round(1).to_string())
-    save_table(DATA / "results" / "sensors.csv", table, sequences=SEQUENCES, networks=networks(OURS.weights))
+    facts = {"sequences": SEQUENCES, "networks": set_hashes(OURS.weights)}
+    save_table(DATA / "results" / "sensors.csv", table, **facts)
 
 
 if __name__ == "__main__":

@@ -23,10 +23,9 @@ import validation_world as world
 from validation_conditions import CONDITIONS, cases
 
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.pages.model_cards import networks
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.weights import load_card, load_network, shipped_gaps, weight_path
+from lmmap.pipeline.weights import load_card, load_network, set_hashes, shipped_gaps, weight_path
 from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
@@ -155,7 +154,7 @@ def main() -> None:
             table += [{"domain_gap": gap, **row} for row in rows]
             print(f"{gap}, {modality}: IoU {np.mean([row['iou'] for row in rows]):.3f}", flush=True)
     path = save_table(DATA / "results" / "robust.csv", pd.DataFrame(table), sequences=world.SEQUENCES,
-                      networks=networks(OURS.weights),
+                      networks=set_hashes(OURS.weights),
                       pictures=world.PICTURES, near_px=NEAR_PX, near_size=NEAR_SIZE)  # fmt: skip
     wide = load_table(path).pivot_table(
         ["iou", "found_percent"], ["modality", "filter", "condition"], "domain_gap"

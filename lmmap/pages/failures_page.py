@@ -10,29 +10,26 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..pipeline.estimator import Estimator
-from ..pipeline.image_estimator import settings_for
-from ..pipeline.run import estimate_image, timed_images
+from ..pipeline import agreement
 from ..recordings.formats import open_recording, read_estimates
+from ..settings import OURS
 from ..studies.pose_errors import METRICS, errors
 from ..studies.reliability import share_intervals
 from ..studies.right_and_wrong import is_wrong
-from ..studies.sequence_files import looks_of
-from ..types import Estimate, Port, Recording, Status
+from ..types import Estimate, Port
 from .drawings import COLOUR
 from .gallery import paintings
 from .tables import CAMERAS, LIGHTS
 
+EVERY_POSE = replace(OURS, min_confidence=0.0)
 MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
 SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
 
 
-def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: float,
-                 weights: str = "low") -> pd.DataFrame:  # fmt: skip
+def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
     """A row for each image with the ring in view, as the former estimator answered it and as ours does.
 
-    The former one is ours without the limit on the confidence.  It differs where ours is `Status.UNSURE`, so
-    only these images are estimated again.
+    The former one is ours without the limit on the confidence: it reports doubtful poses as well.
 
     Parameters
     ----------
@@ -40,10 +37,6 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
         With ``NAME.h5`` and ``estimates-LABEL.csv``.
     labels
         ``(sequence, modality)`` by label.
-    rate_hz
-        The estimates' rate.
-    weights
-        The set of networks that made them.
 
     Returns
     -------
@@ -57,9 +50,7 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
             open_recording(folder / f"{name}.h5"),
             read_estimates(folder / f"estimates-{label}.csv"),
         )
-        unsure = {e.t_us for e in now if e.status == Status.UNSURE}
-        again = _without_limit(recording, modality, weights, rate_hz, unsure)
-        before = [again.get(e.t_us, e) for e in now]
+        before = [e if e.doubtful is None else agreement.report(e, e.confidence, EVERY_POSE) for e in now]
         columns = ["t_us", "status", "in_view", *METRICS]
         table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
         table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)
@@ -69,19 +60,6 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]], rate_hz: f
         table = table.assign(sequence=name, modality=modality, label=label)
         parts.append(table.join(former).query("in_view"))
     return pd.concat(parts, ignore_index=True)
-
-
-def _without_limit(
-    recording: Recording, modality: str, weights: str, rate_hz: float, t_us: set[int]
-) -> dict[int, Estimate]:
-    """By time, the estimates at some times, of an estimator that reports poses of any confidence."""
-    if not t_us:
-        return {}
-    settings = replace(looks_of(weights, settings_for(recording.camera)), min_confidence=0.0)
-    estimator = Estimator(recording.camera, modality=modality, weights=weights, settings=settings)
-    images = timed_images(recording, modality, settings, rate_hz)
-    estimates = [estimate_image(estimator, image)[1] for image in images if image.times_us & t_us]
-    return {e.t_us: e for e in estimates}
 
 
 def _of_times(estimates: list[Estimate], times_us) -> list[Estimate]:

@@ -12,7 +12,7 @@ import pandas as pd
 from ..pipeline.network import CHANNELS
 from ..pipeline.rescale import trained_range_m
 from ..pipeline.run import images
-from ..pipeline.weights import FILTERS, load_card, load_network, weight_path
+from ..pipeline.weights import FILTERS, load_card, load_network, set_hashes, weight_path
 from ..provenance import DATA
 from ..settings import OURS
 from ..training import mask_quality
@@ -47,16 +47,10 @@ def training(domain_gap: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def networks(domain_gap: str) -> str:
-    """The networks of a set, as a table's provenance names them (``networks``)."""
-    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in CHANNELS]
-    return " ".join(load_card(path)["sha256"][:12] for path in paths)
-
-
 def of_networks(table: str) -> str:
     """In words, whether a table of data/results was made with the present `robust` networks."""
     facts = json.loads((DATA / "results" / f"{table}.provenance.json").read_text())
-    if facts.get("networks") == networks(OURS.weights):
+    if facts.get("networks") == set_hashes(OURS.weights):
         return "of the present networks"
     return f"of the networks before the last training (commit {facts['commit']})"
 

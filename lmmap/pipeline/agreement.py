@@ -24,6 +24,11 @@ def in_doubt(estimate: Estimate, settings: Settings) -> bool:
     return unsure or estimate.status in IN_DOUBT
 
 
+def needs_more_events(estimate: Estimate, settings: Settings) -> bool:
+    """Whether a histogram shows no pose, or none that one look is enough for."""
+    return estimate.T_cam_port is None or in_doubt(estimate, settings)
+
+
 def alike(a: Pose, b: Pose, port: Port, settings: Settings) -> bool:
     """Whether two poses differ by less than the errors of a pose that one may dock on."""
     return bool(

@@ -83,7 +83,7 @@ def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray,
     """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
     and of the image whose pose it is."""
     estimate = estimator(timed.image, timed.t_us)
-    if timed.wider and (estimate.T_cam_port is None or agreement.in_doubt(estimate, estimator.settings)):
+    if timed.wider and agreement.needs_more_events(estimate, estimator.settings):
         t_us, image = timed.wider
         estimate = estimator.together([estimate, estimator(image, t_us)])
         if estimate.t_us == t_us:

@@ -15,7 +15,8 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")  # of a covariance: m and rad, camera's
 UPPER = np.triu_indices(6)
 COVARIANCE = tuple(f"cov_{AXES[i]}_{AXES[j]}" for i, j in zip(*UPPER, strict=True))
 UNDISTORTED = "image, free of lens distortion"
-PREFIXES = {"T_cam_port": "", "rival": "rival_", "printed": "printed_", "ring": "ring_", "twin": "twin_"}
+PREFIXES = {"T_cam_port": "", "rival": "rival_", "printed": "printed_", "ring": "ring_", "twin": "twin_",
+            "doubtful": "doubtful_"}  # fmt: skip
 
 
 class Columns(NamedTuple):
@@ -62,6 +63,7 @@ TABLE = (
     ),
     *_pose("ring_", "of the ring without markers; its yaw is unknown"),
     *_pose("twin_", "of the ring without markers, by its other normal"),
+    *_pose("doubtful_", "not to be used: its confidence is too low, and the status is unsure"),
 )
 COLUMNS = [name for columns in TABLE for name in columns.names]
 

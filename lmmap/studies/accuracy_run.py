@@ -26,7 +26,7 @@ from .accuracy_tables import DRAWS, SEED, label
 from .archive import mark_of, pack, unpack
 from .claims import claims
 from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
-from .sequence_files import bench_recording, confidences, kept_estimates
+from .sequence_files import bench_recording, kept_estimates
 
 RESULT_SOURCES = (
     *source_files("bench.sequences", "pipeline.run", "recordings.pose_files", "tracking.fusion",
@@ -82,13 +82,14 @@ def sequences_of(profile: str) -> list[str]:
 
 def run_before(profile: str, study: Study = Study()) -> list[str]:
     """The sequences whose packed results are not of the present estimator, networks and environment."""
-    return [name for name in sequences_of(profile)
-            if mark_of(study.archive(name)) != _mark(name, profile, study)]  # fmt: skip
+    marks = _marks(profile, study)
+    return [name for name, mark in marks.items() if mark_of(study.archive(name)) != mark]
 
 
-def _mark(name: str, profile: str, study: Study) -> str:
-    """Fingerprint of all that a sequence's results depend on."""
-    return fingerprint(name, profile, best_precision(), patterns=study.sources)
+def _marks(profile: str, study: Study) -> dict[str, str]:
+    """For each sequence of a profile the fingerprint of all that its results depend on."""
+    sources = fingerprint(best_precision(), patterns=study.sources)
+    return {name: fingerprint(name, profile, sources, patterns=()) for name in sequences_of(profile)}
 
 
 def _print(line: str) -> None:
@@ -120,8 +121,7 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
     folder, tables_mark = study.derived / profile, fingerprint(profile)
     folder.mkdir(parents=True, exist_ok=True)
     waiting = {}
-    for name in sequences_of(profile):
-        mark = _mark(name, profile, study)
+    for name, mark in _marks(profile, study).items():
         if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
         elif go_on and unpack(study.archive(name), folder, mark):
@@ -179,7 +179,7 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
                 medians = table[list(pose_errors.METRICS)].median()
             if kind == "test" and gap == OURS.weights:
                 path = folder / f"confidence-{label(name, modality, gap)}.csv"
-                files.append(save_table(path, confidences(estimates), **facts))
+                files.append(save_table(path, pose_errors.confidences(recording, estimates, port), **facts))
             counts.append({
                 "sequence": name, "weights": gap, "modality": modality, "images": len(estimates),
                 "ellipses": sum(e.ellipse is not None for e in estimates),

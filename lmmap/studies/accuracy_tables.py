@@ -11,7 +11,7 @@ from ..settings import OURS
 from ..training.mask_quality import medians
 from . import error_statistics, ladder, pose_errors, reliability
 from .pose_errors import DOMAIN_GAPS, MODALITIES, TRACKS
-from .right_and_wrong import right_and_wrong
+from .right_and_wrong import by_limit, right_and_wrong
 
 DRAWS, SEED = 1000, 0  # of the bootstrap
 
@@ -43,7 +43,7 @@ def tables(
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
         "default": default_networks(folder, tests, counts[counts.weights == OURS.weights], draws),
-        "reliability": default_reliability(folder, tests),
+        **_default_confidence(folder, tests),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
@@ -72,15 +72,19 @@ def default_networks(
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 
 
-def default_reliability(folder: Path, tests: dict[str, list[str]]) -> pd.DataFrame:
-    """`reliability.of_sequences` with the default networks, by ``light`` and ``modality``."""
-    parts = []
+def _default_confidence(folder: Path, tests: dict[str, list[str]]) -> dict[str, pd.DataFrame]:
+    """`reliability.of_sequences` of each track with the default networks, and `right_and_wrong.by_limit` of
+    each camera, by ``light`` and ``modality``."""
+    parts, limits = [], []
     for (light, names), modality in product(tests.items(), TRACKS):
         labels = [label(name, modality, OURS.weights) for name in names]
         confidences = [pd.read_csv(folder / f"confidence-{each}.csv") for each in labels]
-        table = reliability.of_sequences(_errors(folder, names, modality, OURS.weights), confidences)
-        parts.append(table.assign(light=light, modality=modality))
-    return pd.concat(parts)
+        errors = _errors(folder, names, modality, OURS.weights)
+        cell = {"light": light, "modality": modality}
+        parts.append(reliability.of_sequences(errors, confidences).assign(**cell))
+        if modality in MODALITIES:  # the fused track's poses depend on the cameras' limit
+            limits.append(by_limit(errors, confidences).assign(**cell))
+    return {"reliability": pd.concat(parts), "limits": pd.concat(limits)}
 
 
 def _errors(folder: Path, names: list[str], track: str, weights: str) -> list[pd.DataFrame]:

@@ -66,6 +66,17 @@ def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.Da
     return table
 
 
+def confidences(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
+    """``t_us`` and ``confidence`` of each image within the time of the truth, and whether its pose, reported
+    or doubtful, is ``right``: 1 or 0, NaN without a pose."""
+    estimates, truth = true_poses(recording, estimates)
+    every = [replace(e, T_cam_port=e.T_cam_port or e.doubtful) for e in estimates]
+    table = pd.DataFrame(_error_values(every, truth, port), columns=list(METRICS))
+    right = (~pd.Series(is_wrong(table))).where(table[METRICS[0]].notna()).astype(float)
+    return pd.DataFrame({"t_us": [e.t_us for e in estimates], "confidence": [e.confidence for e in estimates],
+                         "right": right})  # fmt: skip
+
+
 def _error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarray:
     """`METRICS` (N, 3) of estimates; rows without a pose are NaN."""
     values = np.full((len(estimates), len(METRICS)), np.nan)

@@ -71,7 +71,7 @@ def of_sequences(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFr
     errors
         `pose_errors.errors` of each sequence.
     confidences
-        ``t_us`` and ``confidence`` of each image of it.
+        `pose_errors.confidences` of each.
 
     Returns
     -------

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..settings import OURS, Settings
 
+LIMITS = (0.0, *np.arange(0.5, 0.96, 0.05).round(2))  # on the confidence
 ESTIMATORS = {"ours": "", "printed": "paper_"}  # prefix of the error columns
 
 
@@ -39,6 +40,27 @@ def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -
         if estimator == "ours":
             rows.append(("certain", has_pose & in_view.certain.to_numpy(bool), wrong))
     return pd.DataFrame([{"estimator": e} | shares(has_pose, wrong) for e, has_pose, wrong in rows])
+
+
+def by_limit(tables: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """What other limits on the confidence would give: `shares` of the images with the whole ring in view.
+
+    Parameters
+    ----------
+    tables, confidences
+        `pose_errors.errors` and `pose_errors.confidences` of sequences.
+
+    Returns
+    -------
+    DataFrame
+        ``limit``, which is one of `LIMITS`, and the columns of `shares`.
+    """
+    pairs = zip(tables, confidences, strict=True)
+    every = pd.concat(t[["t_us", "in_view"]].merge(c, on="t_us", validate="one_to_one") for t, c in pairs)
+    images = every[every.in_view]
+    answers = {limit: images.right.notna() & (images.confidence >= limit) for limit in LIMITS}
+    rows = [{"limit": k} | shares(given, images.right == 0) for k, given in answers.items()]
+    return pd.DataFrame(rows)
 
 
 def shares(has_pose: np.ndarray, wrong: np.ndarray) -> dict[str, float]:

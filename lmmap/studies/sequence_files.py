@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
-
 from ..bench import simulate
 from ..files import has_mark, write_text
 from ..pipeline.estimator import Estimator
@@ -88,10 +86,3 @@ def kept_estimates(recording: Recording, modality: str, gap: str, rate_hz: float
         report(f"{name}: {poses} poses in {len(estimates)} images")
         write_text(done, mark)
     return read_estimates(path)
-
-
-def confidences(estimates: Sequence[Estimate]) -> pd.DataFrame:
-    """``t_us`` and ``confidence`` of each image."""
-    return pd.DataFrame(
-        {"t_us": [e.t_us for e in estimates], "confidence": [e.confidence for e in estimates]}
-    )

@@ -197,6 +197,8 @@ def test_the_cache_is_named_by_what_pages_depend_on(tmp_path, monkeypatch):
     assert len(set(names)) == len(names)
     (tmp_path / "data" / "derived").mkdir()
     (tmp_path / "data" / "derived" / "scratch.npz").write_text("y\n")
+    (tmp_path / "data" / "derived" / "quick").mkdir()
+    (tmp_path / "data" / "derived" / "quick" / "summary.csv").write_text("of another profile\n")
     assert page_fingerprint(tmp_path) == names[-1]
 
 

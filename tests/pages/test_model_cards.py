@@ -8,7 +8,7 @@ import pytest
 from lmmap.bench.labels import label_masks
 from lmmap.pages import model_cards
 from lmmap.pipeline.ring import binarise
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, set_hashes, weight_path
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import FORMATS, open_recording
 from lmmap.settings import OURS
@@ -73,8 +73,8 @@ def test_no_cell_is_harder_than_the_hardest(domain_gap):
 def test_a_table_says_whether_it_is_of_the_present_networks(tmp_path, monkeypatch):
     monkeypatch.setattr(model_cards, "DATA", tmp_path)
     (tmp_path / "results").mkdir()
-    for facts, words in (({"networks": model_cards.networks(OURS.weights), "commit": "abc"}, "present"),
-                         ({"networks": model_cards.networks("low"), "commit": "abc"}, "before"),
+    for facts, words in (({"networks": set_hashes(OURS.weights), "commit": "abc"}, "present"),
+                         ({"networks": set_hashes("low"), "commit": "abc"}, "before"),
                          ({"commit": "abc"}, "commit abc")):  # fmt: skip
         (tmp_path / "results" / "t.provenance.json").write_text(json.dumps(facts))
         assert words in model_cards.of_networks("t")

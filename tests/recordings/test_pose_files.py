@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lmmap.recordings.columns import COLUMNS, TABLE, table_rows
+from lmmap.recordings.columns import COLUMNS, PREFIXES, TABLE, table_rows
 from lmmap.recordings.pose_files import (
     read_estimates,
     read_trajectory,
@@ -67,7 +67,8 @@ def estimates(seed) -> list[Estimate]:
             confidence=rng.random(),
         ),
         Estimate(10**15 + 7, Status.OK, b),
-        Estimate(10**15 + 9, Status.NO_MARKERS, ellipse=ellipse, arc_coverage=0.75),
+        Estimate(10**15 + 9, Status.NO_MARKERS, ellipse=ellipse, arc_coverage=0.75, ring=a, twin=c),
+        Estimate(10**15 + 11, Status.UNSURE, doubtful=b, confidence=0.5),
     ]
 
 
@@ -80,7 +81,7 @@ def test_estimates_round_trip(tmp_path_factory, seed):
     back = read_estimates(path)
     for a, b in zip(original, back, strict=True):
         assert (a.t_us, a.status) == (b.t_us, b.status)
-        for name in ("T_cam_port", "rival", "printed"):
+        for name in PREFIXES:
             assert (getattr(a, name) is None) == (getattr(b, name) is None)
             if getattr(a, name) is not None:
                 assert_same_pose(getattr(a, name), getattr(b, name))
@@ -148,7 +149,7 @@ def test_bad_tables_and_absent_files(tmp_path):
 
 def test_every_column_has_its_unit_and_meaning():
     """Quaternions and scores have the unit 1; a time and a status have no frame but the clock."""
-    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 5 * 7 + 3 + 5 + 3 + 1 + 21
+    assert len(set(COLUMNS)) == len(COLUMNS) == 2 + 6 * 7 + 3 + 5 + 3 + 1 + 21
     for names, unit, frame, meaning in TABLE:
         assert meaning and (unit or names == ("status",))
         suffixes = {"m": "_m", "us": "_us", "px": "_px", "rad": "_rad"}

@@ -140,7 +140,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path)
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 16
+    assert len(tables) == 17
     other, left, lines = tmp_path / "other", Estimates(), []
     study = made_up(other, left, committed=paper)
     (paper / "sequences" / "test-low-1.zip").unlink()

@@ -49,6 +49,17 @@ def test_errors_by_hand(recording):
     assert report["paper_formula_position_median_mm"] == pytest.approx(0)
 
 
+def test_doubtful_poses_are_right_or_wrong_as_reported_ones_are(recording):
+    reported = [replace(answer(recording, t_us, shift_m), confidence=0.9)
+                for t_us, shift_m in ((100_000, 0.0), (200_000, 0.1))]  # fmt: skip
+    doubtful = [replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port) for e in reported]
+    without = answer(recording, 300_000, status=Status.NO_RING)
+    for estimates in (reported, doubtful):
+        table = pose_errors.confidences(recording, [*estimates, without], Port.lm_map())
+        assert table.right.tolist()[:2] == [1, 0] and np.isnan(table.right[2])
+        assert table.confidence.tolist() == [0.9, 0.9, 0]
+
+
 def test_estimates_outside_the_truth_do_not_count(recording):
     table = pose_errors.errors(
         recording, [Estimate(-5, Status.NO_RING), answer(recording, 500_000)], Port.lm_map()

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lmmap.studies.right_and_wrong import right_and_wrong
+from lmmap.studies.right_and_wrong import by_limit, right_and_wrong
 
 
 @pytest.fixture
@@ -36,3 +36,15 @@ def test_shares_add_up_and_sequences_weigh_by_their_images(errors):
     columns = ["right_percent", "wrong_percent", "none_percent"]
     np.testing.assert_allclose(twice[columns].sum(axis=1), 100)
     pd.testing.assert_frame_equal(once[columns], twice[columns])
+
+
+def test_shares_by_limit_by_hand(errors):
+    """Of five images in view two have a right pose, one a wrong one; the sixth image does not count."""
+    right, confidence = [1, 1, 0, None, None, 1], [0.97, 0.6, 0.7, 0.0, 0.0, 0.9]
+    confidences = pd.DataFrame({"t_us": range(6), "confidence": confidence, "right": right})
+    rows = by_limit([errors.assign(t_us=range(6))], [confidences]).set_index("limit")
+    assert rows.loc[0.0, ["right_percent", "wrong_percent", "none_percent"]].tolist() == [40, 20, 40]
+    assert rows.loc[0.6, ["right_percent", "wrong_percent"]].tolist() == [40, 20]
+    assert rows.loc[0.65, ["right_percent", "wrong_percent"]].tolist() == [20, 20]
+    assert rows.loc[0.95, ["right_percent", "wrong_percent"]].tolist() == [20, 0]
+    assert (rows.images == 5).all()

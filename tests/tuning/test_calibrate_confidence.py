@@ -7,7 +7,6 @@ from strategies import PORT, pose
 
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.pipeline import agreement
-from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.refinement import verify
 from lmmap.settings import OURS
 from lmmap.types import Ellipse, Estimate, Pose, Status
@@ -40,37 +39,21 @@ def test_misplaced_poses_are_ten_degrees_off_or_have_another_yaw():
     assert all(T.position_m is T0.position_m or np.array_equal(T.position_m, T0.position_m) for T in turned)
 
 
-class Told:
-    """An estimator that is told the estimate of each look; an image is its number."""
-
-    settings = OURS
-
-    def __init__(self, looks):
-        self.looks = looks
-
-    def together(self, estimates):
-        return agreement.together(estimates, PORT, OURS)
-
-    def __call__(self, image, t_us):
-        plain, turned = self.looks[image]
-        return self.together([plain, turned]) if agreement.in_doubt(plain, OURS) else plain
+def look(confidence: float, x_m: float = 0.0) -> Estimate:
+    T = Pose(T0.rotation, T0.position_m + np.array([x_m, 0, 0]))
+    ring = Estimate(0, Status.OK, T, ellipse=Ellipse([100.0, 100.0], [40.0, 30.0], 0.1))
+    return agreement.report(ring, confidence, OURS)
 
 
-def random_look(rng):
-    status = rng.choice([Status.OK, Status.OK, Status.OK, Status.NO_MARKERS, Status.NO_RING])
-    ellipse = None if status == Status.NO_RING else Ellipse([100.0, 100.0], [40.0, 30.0], 0.1)
-    if status != Status.OK:
-        return Estimate(0, status, ellipse=ellipse)
-    T = Pose(T0.rotation, T0.position_m + rng.choice([0, 0.005, 0.1]))
-    return agreement.report(Estimate(0, status, T, ellipse=ellipse), rng.uniform(0.5, 1), OURS)
-
-
-@pytest.mark.parametrize("seed", range(60))
-def test_answers_of_looks_are_the_estimator_s(seed):
-    rng = np.random.default_rng(seed)
-    looks = [tuple(random_look(rng) for _ in range(2)) for _ in range(2)]
-    _, expected = estimate_image(Told(looks), TimedImage(0, 0, (1, 1)))
-    pairs = [tuple((e, False) for e in look) for look in looks]
-    told, _ = calibrate.answer(pairs, OURS)
-    assert (told.status, told.confidence) == (expected.status, expected.confidence)
-    assert told.ellipse is expected.ellipse
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_an_answer_asks_the_looks_as_the_estimator_does(modality):
+    told, sure, doubt, elsewhere = calibrate.Told(modality, OURS), look(0.99), look(0.9), look(0.6, 0.1)
+    nothing = Estimate(0, Status.NO_RING)
+    never = [(look(0.999, 0.3), False)] * 2  # would be the answer if it were asked
+    assert calibrate.answer(told, [((sure, True), never[0]), never]) == (sure, True)
+    agreed, good = calibrate.answer(told, [((doubt, True), (sure, False)), never])
+    assert not good and agreed.ellipse is sure.ellipse and agreed.confidence > sure.confidence
+    other, good = calibrate.answer(told, [((elsewhere, False), (sure, True)), never])
+    assert good and other.T_cam_port is sure.T_cam_port and other.confidence < sure.confidence
+    wide, good = calibrate.answer(told, [((nothing, False), never[0]), ((sure, True), never[0])])
+    assert good and wide.T_cam_port is sure.T_cam_port
