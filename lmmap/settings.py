@@ -143,7 +143,8 @@ class Settings(PaperSettings):
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.93, event=2.48)  # of a pose's refined on the image's edges
+    edge_inflation: PerCamera = PerCamera(rgb=1.14, event=1.21)  # of a pose's refined on the image's edges
+    edge_fading: PerCamera = PerCamera(rgb=1.45, event=1.15)  # power of the markers' score that divides it
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
@@ -153,7 +154,8 @@ class Settings(PaperSettings):
     # tuning/calibrate_confidence.py
     confidence_ring: tuple[float, ...] = (-3.733, -0.757, -8.536, 1.461, 0.562)  # of position and normal
     confidence_yaw: tuple[float, ...] = (-8.26, 0.352, -0.005, 15.581)  # that the yaw is right, if they are
-    min_confidence: float = 0.85  # below, the status is `UNSURE` and there is no pose
+    min_confidence: PerCamera = PerCamera(rgb=0.55, event=0.85)  # below, the status is `UNSURE`: no pose
+    min_fused_confidence: float = 0.85  # of a track of both cameras
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look

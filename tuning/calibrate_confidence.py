@@ -9,9 +9,9 @@ alone few poses are wrong.  The estimator's own wrong poses are the best of wron
 So that the evidence is not ignored where it is plain, *misplaced* poses take part with a small weight: right
 ones turned by ten degrees, or by half a yaw period, with the standard deviations and odds of the right ones.
 
-Then come the answers of several looks.  ``look_independence`` is the one of greatest likelihood, and
-``min_confidence`` the lowest of `LIMITS` at which at most `WRONG_PERCENT` of the images in high light get a
-wrong pose, for either camera.  Both are chosen on tuning sequences, each judged by a fit to others.
+Then come the answers of several looks.  ``look_independence`` is the one of greatest likelihood, and a
+camera's ``min_confidence`` the lowest of `LIMITS` at which at most `WRONG_PERCENT` of its images in high
+light get a wrong pose.  Both are chosen on tuning sequences, each judged by a fit to others.
 data/results/confidence.csv holds the reliability of the answers' confidence in bins, its expected calibration
 error, and what that of a perfect confidence would be: of tuning sequences by the same fits to other ones, of
 all other sets by the settings as they stand.
@@ -46,7 +46,6 @@ INDEPENDENCE = np.arange(0.0, 1.001, 0.05).round(2)
 FOLDS = 8  # of the tuning sequences
 MISPLACED_RAD = np.deg2rad(10)
 MISPLACED_SHARE = 0.001  # of all poses, by weight
-EVERY_POSE = replace(OURS, min_confidence=0.0)
 
 
 class Witness(wrong_poses.OnMasks):
@@ -95,7 +94,7 @@ class Sights(NamedTuple):
 
 def sights(set_name: str, modality: str, weights: str) -> list[Sights]:
     """What each look at the images of a set says."""
-    witness, rows = Witness(modality, looks_of(weights, EVERY_POSE)), []
+    witness, rows = Witness(modality, looks_of(weights, wrong_poses.EVERY_POSE)), []
     ways = [witness.once, *([witness.once_turned] if witness.settings.turned_look else [])]
     for case in wrong_poses.cases(set_name, modality, weights):
         looks = [tuple(_sight(witness, way(look), look.truth) for way in ways) for look in case.looks]
@@ -184,7 +183,7 @@ def answers(rows: list[Sights], fitted: Settings, settings: Settings) -> Iterato
     def judged(sight: Sight):
         e = sight.estimate
         if sight.evidence is not None:
-            e = agreement.report(e, float(verify.confidence(sight.evidence, fitted)), settings)
+            e = agreement.report(e, float(verify.confidence(sight.evidence, fitted)), 0.0)
         return e, sight.right
 
     told = {key: Told(key[0], looks_of(key[1], settings)) for key in {row[3:5] for row in rows}}
@@ -209,21 +208,18 @@ def log_likelihood(told: list[tuple[Estimate, bool]]) -> float:
     return float(np.log(np.maximum(p, 1e-9)).sum())
 
 
-def lowest_limit(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> float:
-    """The lowest of `LIMITS` at which at most `WRONG_PERCENT` of each camera's images in high light get a
-    wrong pose from the default networks."""
-    wrong, camera = [], []
-    for row, (e, good) in zip(rows, told, strict=True):
-        if row.light == "high" and row.weights == OURS.weights:
-            wrong.append(e.confidence if e.confidence and not good else -1.0)
-            camera.append(row.modality)
-    table = pd.DataFrame({"wrong": wrong, "camera": camera})
-    for limit in LIMITS:
-        percent = 100 * (table.wrong >= limit).groupby(table.camera).mean()
-        print(f"limit {limit}: wrong in high light", percent.round(2).to_dict())
-        if percent.max() <= WRONG_PERCENT:
-            return float(limit)
-    return float(LIMITS[-1])
+def lowest_limits(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> dict[str, float]:
+    """For each camera the lowest of `LIMITS` at which at most `WRONG_PERCENT` of its images in high light get
+    a wrong pose from the default networks."""
+    chosen = {}
+    for modality in ("rgb", "event"):
+        own = [pair for row, pair in zip(rows, told, strict=True)
+               if (row.light, row.modality, row.weights) == ("high", modality, OURS.weights)]  # fmt: skip
+        wrong = np.array([e.confidence for e, good in own if e.confidence and not good])
+        percent = {limit: 100 * np.sum(wrong >= limit) / len(own) for limit in LIMITS}
+        print(f"wrong of {len(own)} in high light, {modality}", pd.Series(percent).round(2).to_dict())
+        chosen[modality] = next((float(k) for k in LIMITS if percent[k] <= WRONG_PERCENT), float(LIMITS[-1]))
+    return chosen
 
 
 def main() -> None:
@@ -236,7 +232,7 @@ def main() -> None:
     likelihood = pd.Series(map(log_likelihood, each), INDEPENDENCE)
     print("look_independence", likelihood.idxmax(), likelihood.round(2).to_dict())
     told = tuned(tuning)
-    print("min_confidence", lowest_limit(tuning, told))
+    print("min_confidence", lowest_limits(tuning, told))
     tables = []
     for name in wrong_poses.SETS:
         own = [row for row in rows if row.set == name]

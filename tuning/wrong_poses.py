@@ -39,7 +39,7 @@ from lmmap.pipeline.network import TurnedToo, crop_bounds
 from lmmap.pipeline.run import TimedImage, estimate_image, timed_images
 from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.provenance import DATA, DERIVED_DATA, save_table
-from lmmap.settings import OURS, Settings
+from lmmap.settings import OURS, PerCamera, Settings
 from lmmap.studies.sequence_files import looks_of
 from lmmap.types import Camera, Estimate, Port, Pose, Recording
 
@@ -76,8 +76,9 @@ ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") 
 LATER = ("judged once", "further tuning")  # sets of the default networks alone
 WEIGHTS = {place: (OURS.weights,) if place.endswith(LATER) else ("low", OURS.weights) for place in SETS}
 CELLS = [(place, m, w) for place in SETS for m in ("rgb", "event") for w in WEIGHTS[place]]
+EVERY_POSE = replace(OURS, min_confidence=PerCamera(0.0, 0.0))
 ESTIMATORS = {
-    "every pose": replace(OURS, min_confidence=0.0),
+    "every pose": EVERY_POSE,
     "confident poses": OURS,
 }
 

@@ -127,7 +127,6 @@ def shading_kernel(colours: int):
     """The renderer for one (event sensor) or three (RGB) colours, compiled on its first call."""
     channels = 2 * colours + 3  # diffuse and specular of each colour, roughness, two slopes
 
-    @njit(nogil=True, fastmath=True, error_model="numpy")
     def kernel(s, skin, lamps, intensity, radii, parts, R, origin, rays, backdrop, ambient):
         samples, height, width = rays.shape[:3]
         radiance = np.zeros((height, width, colours), np.float32)
@@ -187,4 +186,6 @@ def shading_kernel(colours: int):
                     radiance[row, column, c] = total[c] * share
         return radiance, cover
 
-    return kernel
+    # numba keeps constants by this name, also of kernels that other processes compiled: each needs its own
+    kernel.__qualname__ += f"_{colours}"
+    return njit(nogil=True, fastmath=True, error_model="numpy")(kernel)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -12,7 +11,6 @@ import pandas as pd
 
 from ..pipeline import agreement
 from ..recordings.formats import open_recording, read_estimates
-from ..settings import OURS
 from ..studies.pose_errors import METRICS, errors
 from ..studies.reliability import share_intervals
 from ..studies.right_and_wrong import is_wrong
@@ -21,7 +19,6 @@ from .drawings import COLOUR
 from .gallery import paintings
 from .tables import CAMERAS, LIGHTS
 
-EVERY_POSE = replace(OURS, min_confidence=0.0)
 MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
 SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
 
@@ -50,7 +47,7 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.Data
             open_recording(folder / f"{name}.h5"),
             read_estimates(folder / f"estimates-{label}.csv"),
         )
-        before = [e if e.doubtful is None else agreement.report(e, e.confidence, EVERY_POSE) for e in now]
+        before = [e if e.doubtful is None else agreement.report(e, e.confidence, 0.0) for e in now]
         columns = ["t_us", "status", "in_view", *METRICS]
         table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
         table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)

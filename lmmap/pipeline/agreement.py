@@ -49,10 +49,10 @@ def confidence_together(p: float, q: float, agree: bool, independence: float) ->
     return p * (1 - q) / max(1 - p * q, 1e-12)
 
 
-def together(estimates: Sequence[Estimate], port: Port, settings: Settings) -> Estimate:
+def together(estimates: Sequence[Estimate], modality: str, port: Port, settings: Settings) -> Estimate:
     """The answer of several looks at one image: the most confident pose, judged by the others.
 
-    Its status is ``ok`` if the confidence reaches ``settings.min_confidence``, else ``unsure``.  Without any
+    It is reported as by `report`, if its confidence reaches the modality's ``min_confidence``.  Without any
     pose the answer is the first look's.
     """
     with_pose = [e for e in estimates if _pose(e) is not None]
@@ -64,13 +64,14 @@ def together(estimates: Sequence[Estimate], port: Port, settings: Settings) -> E
         if other is not best:
             agree = alike(_pose(best), _pose(other), port, settings)
             confidence = confidence_together(confidence, other.confidence, agree, settings.look_independence)
-    return report(best, confidence, settings)
+    return report(best, confidence, settings.min_confidence[modality])
 
 
-def report(estimate: Estimate, confidence: float, settings: Settings) -> Estimate:
-    """An estimate that has a pose, reported with this confidence or not at all."""
+def report(estimate: Estimate, confidence: float, least: float) -> Estimate:
+    """An estimate that has a pose, with this confidence: reported if that is at least so much, else of status
+    ``unsure``."""
     T_cam_port = _pose(estimate)
-    if confidence >= settings.min_confidence:
+    if confidence >= least:
         answer = {"status": Status.OK, "T_cam_port": T_cam_port, "doubtful": None}
     else:
         answer = {"status": Status.UNSURE, "T_cam_port": None, "doubtful": T_cam_port}

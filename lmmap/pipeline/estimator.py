@@ -82,7 +82,7 @@ class Estimator(ImageEstimator):
 
     def together(self, estimates: Sequence[Estimate]) -> Estimate:
         """The answer of several looks at one image, as `agreement.together`."""
-        return agreement.together(estimates, self.port, self.settings)
+        return agreement.together(estimates, self.modality, self.port, self.settings)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
@@ -116,7 +116,7 @@ class Estimator(ImageEstimator):
         confidence = self.confidence(T_cam_port, by_masks, best, image, ring_mask, reflectors)
         estimate = Estimate(t_us, Status.OK, T_cam_port, best.rival, printed, fitted, coverage, best.score,
                             best.rival_score, best.margin, tilt_sigmas, covariance)  # fmt: skip
-        return agreement.report(estimate, confidence, self.settings)
+        return agreement.report(estimate, confidence, self.settings.min_confidence[self.modality])
 
     def confidence(self, T_cam_port: Pose, covariance, best: yaw.YawFit, *images) -> float:
         """Probability that a pose is right, by its covariance (6, 6) as the masks have it, its yaw's fit, and
@@ -150,7 +150,10 @@ class Estimator(ImageEstimator):
         T_cam_port, covariance = image_edges.refine(
             T_cam_port, covariance, edges, self.port, self.grid, self.settings
         )
-        return T_cam_port, self.settings.edge_inflation[self.modality] * covariance
+        inflation, fading = (
+            getattr(self.settings, name)[self.modality] for name in ("edge_inflation", "edge_fading")
+        )
+        return T_cam_port, joint.inflate(covariance, best.score, inflation, fading)
 
     def sigma_px(self, ring: Contour) -> float:
         """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""

@@ -92,10 +92,10 @@ def refine(
     return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
 
 
-def inflate(covariance, marker_score, inflation: float = 1.0) -> np.ndarray:
-    """The covariance (..., 6, 6) of errors on masks: ``inflation`` where the markers' score (...) is 1, and
-    larger where they are faint, a standard deviation being as 1 / score."""
-    return np.asarray(covariance) * (inflation / np.square(marker_score))[..., None, None]
+def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.0) -> np.ndarray:
+    """A covariance (..., 6, 6), times ``inflation`` where the markers' score (...) is 1, and more where they
+    are faint: as 1 / score to the power ``fading``.  On masks a standard deviation is as 1 / score."""
+    return np.asarray(covariance) * (inflation / np.power(marker_score, fading))[..., None, None]
 
 
 def move_by_each_step(T: Pose) -> Pose:

@@ -165,7 +165,7 @@ def fuse(
     from the first, each of what came until then.
 
     Their ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
-    within the limits of a right one.  Below ``settings.min_confidence`` the status is ``unsure``.
+    within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
     without markers counts for nothing: no marker confirms it.  Ticks of a gap, `LONG_GAP_S` after the last
@@ -200,7 +200,7 @@ def _judged(fusion: Fusion, t_us: int, settings: Settings) -> Estimate:
     if e.T_cam_port is None:
         return e
     e = replace(e, confidence=fusion.belief * probability_within_limits(e, settings))
-    if e.confidence >= settings.min_confidence:
+    if e.confidence >= settings.min_fused_confidence:
         return e
     return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port)
 

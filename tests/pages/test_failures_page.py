@@ -11,6 +11,7 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import estimate
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording, write_estimates, write_recording
+from lmmap.settings import PerCamera
 from lmmap.types import Status
 
 LABELS = {"mini-rgb": ("mini", "rgb")}
@@ -20,7 +21,11 @@ def answered(folder, min_confidence: float):
     """Both answers by one look, where the present estimator has this limit."""
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
     write_recording(recording, folder / "mini.h5")
-    settings = replace(settings_for(recording.camera), min_confidence=min_confidence, turned_look=False)
+    settings = replace(
+        settings_for(recording.camera),
+        min_confidence=PerCamera(min_confidence, min_confidence),
+        turned_look=False,
+    )
     estimator = Estimator(recording.camera, modality="rgb", settings=settings)
     write_estimates(list(estimate(recording, estimator, 5)), folder / "estimates-mini-rgb.csv")
     return failures_page.both_answers(folder, LABELS)

@@ -8,14 +8,14 @@ from scipy.spatial.transform import Rotation
 from strategies import PORT, pose
 
 from lmmap.pipeline import agreement
-from lmmap.settings import OURS
+from lmmap.settings import OURS, PerCamera
 from lmmap.types import Estimate, Pose, Status
 
 T0 = pose((180, 120), 0.6, 0.5, 0.8)
 
 
 def look(confidence, T=T0, t_us=0):
-    return agreement.report(Estimate(t_us, Status.OK, T), confidence, OURS)
+    return agreement.report(Estimate(t_us, Status.OK, T), confidence, 0.85)
 
 
 def moved(position_m=(0, 0, 0), turn_rad=(0, 0, 0)):
@@ -23,7 +23,7 @@ def moved(position_m=(0, 0, 0), turn_rad=(0, 0, 0)):
 
 
 def together(*looks, **changes):
-    return agreement.together(looks, PORT, replace(OURS, **changes))
+    return agreement.together(looks, "event", PORT, replace(OURS, **changes))
 
 
 def test_poses_that_agree_are_wrong_only_if_both_are():
@@ -50,7 +50,7 @@ def test_agreement_never_lowers_and_contradiction_never_raises_a_confidence(inde
 
 
 def test_two_doubtful_looks_that_agree_give_a_pose():
-    e = together(look(0.7), look(0.75, t_us=5), look_independence=1.0, min_confidence=0.9)
+    e = together(look(0.7), look(0.75, t_us=5), look_independence=1.0, min_confidence=PerCamera(0.0, 0.9))
     assert (e.status, e.t_us, e.T_cam_port, e.doubtful) == (Status.OK, 5, T0, None)
 
 

@@ -15,7 +15,7 @@ from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project, undistort_points
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import ellipse_in, enlarged_cameras, network_camera, resample, trained_range_m
-from lmmap.settings import OURS
+from lmmap.settings import OURS, PerCamera
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 from lmmap.types import Camera, Status
 
@@ -83,7 +83,7 @@ def test_the_pose_and_its_ellipse_are_in_the_cameras_own_frame(name):
     T = pose((200, 110), 0.7, 0.5, 1.0, 0.3)
     blank = np.zeros((*camera.size_px[::-1], 3), np.uint8)
     estimator = Estimator(camera, PORT, "rgb", masks_as_networks(T, network_camera(camera, "rgb")),
-                          replace(OURS, min_confidence=0.0))  # fmt: skip
+                          replace(OURS, min_confidence=PerCamera(0.0, 0.0)))  # fmt: skip
     estimate = estimator(blank)
     assert estimate.status == Status.OK
     assert position_error_m(estimate.T_cam_port, T) < 0.002

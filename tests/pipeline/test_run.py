@@ -26,7 +26,7 @@ from lmmap.pipeline.run import (
 from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
-from lmmap.settings import OURS, PAPER
+from lmmap.settings import OURS, PAPER, PerCamera
 from lmmap.studies.metrics import normal_error_rad, position_error_m
 from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
 
@@ -130,7 +130,7 @@ def test_images_are_answered_in_order_and_an_error_comes_after_those_before_it()
 class Toy:
     """Sees in an image of one value: 0 nothing, 1 a ring without markers, 2 the port, 3 the port in doubt."""
 
-    settings = replace(OURS, min_confidence=0.85, look_independence=1.0)
+    settings = replace(OURS, min_confidence=PerCamera(0.85, 0.85), look_independence=1.0)
 
     def __init__(self):
         self.asked = []
@@ -144,7 +144,7 @@ class Toy:
         return Estimate(t_us, statuses[kind], seen, doubtful=doubtful, confidence=confidence)
 
     def together(self, estimates):
-        return agreement.together(estimates, Port.lm_map(), self.settings)
+        return agreement.together(estimates, "event", Port.lm_map(), self.settings)
 
 
 def shot_of(first, wider):

@@ -9,14 +9,16 @@ from strategies import CAMERA, PORT, pose
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork, TurnedToo
-from lmmap.settings import OURS
+from lmmap.settings import OURS, PerCamera
 from lmmap.types import Status
 
 T0 = pose((180, 120), 0.6, 0.5, 0.8)
 RING, MARKERS = ideal_masks(T0, PORT, CAMERA)
 IMAGE = np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint32)
 IMAGE[0, 0] = 1  # a turned image has it at the other end
-SURE = replace(OURS, min_confidence=0.0, sure_confidence=0.0)  # the image is blank: only the masks speak
+SURE = replace(
+    OURS, min_confidence=PerCamera(0.0, 0.0), sure_confidence=0.0
+)  # the image is blank: only the masks speak
 
 
 class Network:
@@ -64,7 +66,7 @@ def test_an_image_with_a_pose_or_without_a_ring_is_looked_at_once():
 
 def test_a_second_look_that_shows_no_more_leaves_the_first_answer():
     ring, reflectors = Network(RING, RING), Network(MARKERS, MARKERS)
-    never = replace(OURS, min_confidence=1.0, look_independence=0.0)
+    never = replace(OURS, min_confidence=PerCamera(1.0, 1.0), look_independence=0.0)
     once, twice = (estimate(ring, reflectors, replace(never, turned_look=look)) for look in (False, True))
     assert once.status == twice.status == Status.UNSURE and twice.T_cam_port is None
     assert (once.confidence, ring.calls) == (twice.confidence, 1 + 1 + 2)

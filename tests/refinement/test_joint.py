@@ -84,3 +84,11 @@ def test_without_markers_there_is_nothing_to_join():
     points = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA).points(150)
     for mask in (np.zeros((260, 346)), np.ones((260, 346))):
         assert joint.refine(T, points, mask, PORT, CAMERA, RING_PX, MARKER_PX) is None
+
+
+def test_a_covariance_grows_as_the_markers_fade():
+    unit = np.eye(6)
+    np.testing.assert_allclose(joint.inflate(unit, 1.0, 1.5, 0.7), 1.5 * unit)
+    np.testing.assert_allclose(joint.inflate(unit, 0.5, 1.5), 4 * 1.5 * unit)
+    np.testing.assert_allclose(joint.inflate(unit, 0.25, 2.0, 0.5), 2 * 2.0 * unit)
+    np.testing.assert_array_equal(joint.inflate(unit, 0.25, 2.0, 0.0), 2.0 * unit)

@@ -10,12 +10,12 @@ from strategies import PORT, edge_events, moved, pose
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_between_rad
 from lmmap.pipeline.estimator import Estimator
-from lmmap.settings import OURS
+from lmmap.settings import OURS, PerCamera
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import EVENT, Camera, Pose, Status
 
 CAMERA = Camera(160, 120, 324.0, 324.0, 79.5, 59.5)
-SETTINGS = replace(OURS, min_confidence=0.0)  # the images are blank: only the masks speak
+SETTINGS = replace(OURS, min_confidence=PerCamera(0.0, 0.0))  # the images are blank: only the masks speak
 STEP_US = 50_000
 
 
@@ -103,7 +103,7 @@ def test_a_pose_that_its_image_leaves_doubtful_is_a_prediction_also_where_the_tr
     tracker, estimator = Tracker(scene.estimator()), scene.estimator()
     for k in range(4):
         assert tracker(scene.image(k), STEP_US * k).status == Status.OK
-    estimator.settings = replace(estimator.settings, min_confidence=1.0)
+    estimator.settings = replace(estimator.settings, min_confidence=PerCamera(1.0, 1.0))
     tracker.estimators = {"rgb": estimator}
     e = tracker(scene.image(4), STEP_US * 4)
     assert (e.status, e.measured) == (Status.PREDICTED, None)
