@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 import pandas as pd
 
-from ..studies.accuracy_run import COMMITTED, run_before, sequences_of
+from ..studies.accuracy_run import COMMITTED, run_before
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
 from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
@@ -16,20 +17,22 @@ from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 
 
-def when_made(commit: str, before: int, sequences: int) -> str:
-    """Of which estimator the committed tables are: that of a ``commit``, which ran ``before`` of so many
-    ``sequences`` with another estimator, networks or environment than the present ones."""
+def when_made(commit: str, before: Sequence[str]) -> str:
+    """Of which estimator the committed tables are: that of a ``commit``, which ran the sequences ``before``
+    with another estimator, networks or environment than the present ones.
+
+    Tables are made of all sequences at once, so those that were run again do not change them yet.
+    """
     if not before:
         return f"made at {commit}, with the present estimator and networks"
-    since = "since" if before == sequences else f"since {before} of {sequences} sequences were run"
-    return (f"made at {commit}; the estimator, its networks or its packages have changed {since}, "
-            "so that now the numbers may be better or worse")  # fmt: skip
+    return (f"made at {commit}; the estimator, its networks or its packages have changed since, so that now "
+            "the numbers may be better or worse")  # fmt: skip
 
 
 def paper_tables_made() -> str:
     """`when_made` of the committed tables of the paper's durations."""
     commit = json.loads((COMMITTED / "summary.provenance.json").read_text())["commit"]
-    return when_made(commit, len(run_before("paper")), len(sequences_of("paper")))
+    return when_made(commit, run_before("paper"))
 
 
 def difference_counts(compared: pd.DataFrame):
