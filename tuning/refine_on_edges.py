@@ -48,7 +48,7 @@ def poses(set_name: str, modality: str, weights: str) -> list[dict]:
     estimators = {name: wrong_poses.OnMasks(modality, settings) for name, settings in ESTIMATORS.items()}
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
-            row = {"set": set_name, "sequence": case.name, "light": case.light, "modality": modality}
+            row = {"set": set_name, "light": case.light, "modality": modality}
             for name, estimator in estimators.items():
                 estimate = estimator.once(look)
                 T, truth = estimate.T_cam_port, look.truth
@@ -92,7 +92,7 @@ def main() -> None:
         each = every[every.modality == modality]
         held = each["after distance"] < REGION * inflation / each.score**fading
         every.loc[each.index, "held_percent"] = 100.0 * held
-    columns = ["before distance", "after distance", "sequence", "score"]
+    columns = ["before distance", "after distance", "score"]
     groups = every.drop(columns=columns).groupby(["set", "modality", "light"], sort=False)
     table = (
         groups.median().assign(held_percent=groups.held_percent.mean(), images=groups.size()).reset_index()

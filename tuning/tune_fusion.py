@@ -93,9 +93,8 @@ def right(table: pd.DataFrame) -> pd.Series:
 
 
 def scored(cases, motion: MotionSettings, port: Port) -> pd.DataFrame:
-    settings = replace(
-        OURS, motion=motion, min_fused_confidence=0.0
-    )  # every pose is scored, however doubtful
+    # every pose is scored, however doubtful
+    settings = replace(OURS, motion=motion, min_fused_confidence=0.0)
     tables = [errors(recording, fuse(merge_by_time(tracks), port.yaw_period_rad, RATE_HZ, settings), port)
               .assign(sequence=recording.name) for recording, tracks in cases]  # fmt: skip
     return pd.concat(tables).query("in_view")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -127,28 +127,6 @@ def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool 
             paint(ax, answer=before if line == "former" else None, title=line)
             (u, v), half = before.ellipse.centre_px, MARGIN * before.ellipse.semi_axes_px[0]
             ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))
-    return fig
-
-
-def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
-    """Figure of right over wrong poses in a light, as the limit on the confidence varies: a curve a camera.
-
-    Parameters
-    ----------
-    limits
-        `right_and_wrong.by_limit` with ``light`` and ``modality``.
-    labelled
-        The limits that are written beside their dots.
-    """
-    fig, ax = plt.subplots(figsize=(5.0, 3.2))
-    for modality, rows in limits[limits.light == light].groupby("modality", sort=False):
-        ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3, color=COLOUR[modality],
-                label=CAMERAS[modality])  # fmt: skip
-        for row in rows[rows.limit.isin(labelled)].itertuples():
-            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent), (4, -10),
-                        textcoords="offset points", color=COLOUR[modality], size="small")  # fmt: skip
-    ax.set(xlabel="wrong poses (%)", ylabel="right poses (%)")
-    ax.legend(loc="lower right")
     return fig
 
 
