@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -158,4 +158,28 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
                ylim=(least - 0.05 * (1 - least), beyond))  # fmt: skip
         ax.legend(loc="lower right")
     axes[0].set_ylabel("share of right poses")
+    return fig
+
+
+def draw_limits(limits: pd.DataFrame, light: str, labelled: Mapping[str, Sequence[float]]):
+    """Figure of right over wrong poses in a light, as the limit on the confidence varies: a curve a camera.
+
+    Parameters
+    ----------
+    limits
+        `right_and_wrong.by_limit` with ``light`` and ``modality``.
+    labelled
+        The limits that are written beside their dots, by camera.
+    """
+    fig, ax = plt.subplots(figsize=(5.4, 3.4))
+    for modality, values in labelled.items():
+        rows = limits[(limits.light == light) & (limits.modality == modality)]
+        ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],
+                label=CAMERAS[modality])  # fmt: skip
+        for row in rows[rows.limit.isin(values)].itertuples():
+            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent), (5, -11),
+                        textcoords="offset points", color=COLOUR[modality], size="small")  # fmt: skip
+    ax.margins(0.08)
+    ax.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
+    ax.legend(loc="lower right")
     return fig

@@ -61,3 +61,13 @@ def test_seen_rings_and_right_poses_are_counted_by_cell():
     assert table.loc[("events", "high light"), "right of seen (%)"] == 100
     below = seen[seen.right < 0.9 * seen.seen]
     assert failures_page.cells_in_words(below) == "frames in high light"
+
+
+def test_each_limit_is_a_dot_and_only_some_have_labels():
+    limits = pd.DataFrame({"limit": [0.0, 0.5, 0.9], "right_percent": [95.0, 94.0, 80.0],
+                           "wrong_percent": [4.0, 2.0, 0.0], "light": "high", "modality": "rgb"})  # fmt: skip
+    other = limits.assign(light="low", right_percent=99.0)
+    (ax,) = failures_page.draw_limits(pd.concat([limits, other]), "high", {"rgb": (0.0, 0.9)}).axes
+    (line,) = ax.lines
+    assert np.array_equal(line.get_xydata(), [(4, 95), (2, 94), (0, 80)])
+    assert [(text.get_text(), text.xy) for text in ax.texts] == [("0", (4, 95)), ("0.9", (0, 80))]
