@@ -1,9 +1,10 @@
-"""Tables of the chapter on hard cases and fusion."""
+"""Tables and figures of the chapter on hard cases and fusion."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -12,6 +13,10 @@ from ..provenance import DATA
 from .drawings import COLOUR
 from .tables import CAMERAS, LIGHTS, WORDS
 
+ERRORS = (  # metric, label, scale
+    ("position_error_m", "position (mm)", 1e3), ("normal_error_deg", "normal (°)", 1.0),
+    ("rotation_error_deg", "rotation (°)", 1.0),
+)  # fmt: skip
 NOISE_HZ = (0.1, 0.2, 0.5, 1, 2, 5)  # marks of the axis
 
 
@@ -67,6 +72,29 @@ def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
         rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], text))
     columns = ["light", "median error", "better camera", "fused minus better"]
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
+
+
+def draw_fused(cells: pd.DataFrame):
+    """Figure of the median errors of each camera and of both fused, with their 95 % intervals, by light.
+
+    Parameters
+    ----------
+    cells
+        The study's summary, of one estimator and by ``metric, statistic, light, modality``.
+    """
+    fig, axes = plt.subplots(1, len(ERRORS), figsize=(7.5, 2.9))
+    for ax, (metric, label, scale) in zip(axes, ERRORS, strict=True):
+        for shift, m in ((-0.2, "rgb"), (0, "event"), (0.2, "fused")):
+            cell = cells.loc[metric].xs("median").xs(m, level="modality").loc[list(LIGHTS)]
+            cell = scale * cell[["value", "low", "high"]]
+            spread = np.abs([cell.value - cell.low, cell.high - cell.value])
+            ax.errorbar(np.arange(len(LIGHTS)) + shift, cell.value, spread, fmt="o", ms=4, capsize=3,
+                        color=COLOUR[m], label=CAMERAS[m])  # fmt: skip
+        ax.set(title=label, ylim=(0, None), xlabel="light")
+        ax.set_xticks(range(len(LIGHTS)), LIGHTS)
+    axes[0].set_ylabel("median error")
+    axes[-1].legend(fontsize=8)
+    return fig
 
 
 def crossing(x, y, level: float) -> float:

@@ -1,9 +1,10 @@
-"""The hard cases' tables, by hand."""
+"""The hard cases' tables and figure, by hand."""
 
 import numpy as np
 import pandas as pd
 
 from lmmap.pages import hard_cases_page
+from lmmap.pages.tables import CAMERAS, LIGHTS
 
 
 def test_hard_cases_by_hand():
@@ -25,3 +26,12 @@ def test_fusion_by_hand():
     table = hard_cases_page.fusion_table(apart)
     assert table.loc[("low light", "position (mm)")].tolist() == ["events", "-1.50 (-2.00 to +0.25)"]
     assert table.loc[("high light", "normal (°)")].tolist() == ["frames", "+0.50 (+0.00 to +1.00)"]
+
+
+def test_each_panel_has_the_three_tracks_in_its_unit():
+    metrics, names = [m for m, *_ in hard_cases_page.ERRORS], ["metric", "statistic", "light", "modality"]
+    index = pd.MultiIndex.from_product([metrics, ["median"], LIGHTS, CAMERAS], names=names)
+    cells = pd.DataFrame({"value": 2.0, "low": 1.0, "high": 2.5}, index)
+    panels = hard_cases_page.draw_fused(cells).axes
+    assert [set(ax.containers[0].lines[0].get_ydata()) for ax in panels] == [{2000.0}, {2.0}, {2.0}]
+    assert all(len(ax.containers) == 3 for ax in panels)
