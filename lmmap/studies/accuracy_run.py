@@ -144,7 +144,7 @@ def _tests(profile: str, light: str) -> list[str]:
 
 
 def labels_of(profile: str) -> dict[str, tuple[str, str]]:
-    """``(sequence, modality)`` by label, of the test sequences with the low domain gap's filters."""
+    """``(sequence, modality)`` by label, of the test sequences with the default networks."""
     return _labels([name for light in LIGHTS for name in _tests(profile, light)])
 
 
@@ -154,7 +154,7 @@ def empty_labels(profile: str) -> dict[str, tuple[str, str]]:
 
 
 def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
-    return {label(name, m, "low"): (name, m) for name in names for m in MODALITIES}
+    return {label(name, m, OURS.weights): (name, m) for name in names for m in MODALITIES}
 
 
 def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures=None) -> None:
