@@ -171,7 +171,7 @@ def draw_limits(limits: pd.DataFrame, light: str, labelled: Mapping[str, Sequenc
     labelled
         The limits that are written beside their dots, by camera.
     """
-    fig, ax = plt.subplots(figsize=(5.4, 3.4))
+    fig, ax = plt.subplots(figsize=(7.0, 2.9))
     for modality, values in labelled.items():
         rows = limits[(limits.light == light) & (limits.modality == modality)]
         ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],

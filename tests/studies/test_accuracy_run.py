@@ -147,7 +147,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path)
     assert accuracy_run.reproduce("paper", lines.append, pictures=picture, go_on=True, study=study)
     assert {name.split("-rgb")[0].split("-event")[0] for name in left.made} == {"test-low-1"}
     assert {p.name: p.read_text() for p in paper.glob("*.csv")} == tables
-    assert (other / "paper" / "picture-empty-0.jpg").read_text() == "empty-0-rgb empty-0-event"
+    assert (other / "paper" / "picture-empty-0.jpg").read_text() == "empty-0-rgb-robust empty-0-event-robust"
     assert not (other / "paper" / "picture-hard-slow.jpg").exists()
     assert not accuracy_run.reproduce("paper", lines.append, go_on=True, study=study)
 
