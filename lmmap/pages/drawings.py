@@ -131,6 +131,12 @@ def draw_estimate(
     ax.set_ylim(camera.height_px - 0.5, -0.5)
 
 
+def draw_intervals(ax, x, value, low, high, colour: str, label: str) -> None:
+    """Draw dots (N,) over ``x``, each with a bar from the low to the high end of its interval."""
+    ax.errorbar(x, value, np.abs([value - low, high - value]), fmt="o", ms=4, capsize=3, color=colour,
+                label=label)  # fmt: skip
+
+
 def draw_cumulative(ax, values, label: str, colour: str, **style) -> None:
     """Draw the share of values below each value, in percent; values that are not finite do not count."""
     values = np.sort(np.asarray(values)[np.isfinite(values)])

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..pipeline import agreement
 from ..recordings.formats import open_recording, read_estimates
-from ..studies.pose_errors import METRICS, errors
+from ..studies.pose_errors import METRICS, MODALITIES, errors
 from ..studies.reliability import share_intervals
 from ..studies.right_and_wrong import is_wrong
 from ..types import Estimate, Port
@@ -161,7 +161,7 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
     return fig
 
 
-def draw_limits(limits: pd.DataFrame, light: str, labelled: Mapping[str, Sequence[float]]):
+def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
     """Figure of right over wrong poses in a light, as the limit on the confidence varies: a curve a camera.
 
     Parameters
@@ -169,14 +169,14 @@ def draw_limits(limits: pd.DataFrame, light: str, labelled: Mapping[str, Sequenc
     limits
         `right_and_wrong.by_limit` with ``light`` and ``modality``.
     labelled
-        The limits that are written beside their dots, by camera.
+        The limits that are written beside their dots.
     """
     fig, ax = plt.subplots(figsize=(7.0, 2.9))
-    for modality, values in labelled.items():
+    for modality in MODALITIES:
         rows = limits[(limits.light == light) & (limits.modality == modality)]
         ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],
                 label=CAMERAS[modality])  # fmt: skip
-        for row in rows[rows.limit.isin(values)].itertuples():
+        for row in rows[rows.limit.isin(labelled)].itertuples():
             ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent), (5, -11),
                         textcoords="offset points", color=COLOUR[modality], size="small")  # fmt: skip
     ax.margins(0.08)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA
-from .drawings import COLOUR
+from .drawings import COLOUR, draw_intervals
 from .tables import CAMERAS, LIGHTS, WORDS
 
 ERRORS = (  # metric, label, scale
@@ -87,9 +87,8 @@ def draw_fused(cells: pd.DataFrame):
         for shift, m in ((-0.2, "rgb"), (0, "event"), (0.2, "fused")):
             cell = cells.loc[metric].xs("median").xs(m, level="modality").loc[list(LIGHTS)]
             cell = scale * cell[["value", "low", "high"]]
-            spread = np.abs([cell.value - cell.low, cell.high - cell.value])
-            ax.errorbar(np.arange(len(LIGHTS)) + shift, cell.value, spread, fmt="o", ms=4, capsize=3,
-                        color=COLOUR[m], label=CAMERAS[m])  # fmt: skip
+            x = np.arange(len(LIGHTS)) + shift
+            draw_intervals(ax, x, cell.value, cell.low, cell.high, COLOUR[m], CAMERAS[m])
         ax.set(title=label, ylim=(0, None), xlabel="light")
         ax.set_xticks(range(len(LIGHTS)), LIGHTS)
     axes[0].set_ylabel("median error")

@@ -67,7 +67,8 @@ def test_each_limit_is_a_dot_and_only_some_have_labels():
     limits = pd.DataFrame({"limit": [0.0, 0.5, 0.9], "right_percent": [95.0, 94.0, 80.0],
                            "wrong_percent": [4.0, 2.0, 0.0], "light": "high", "modality": "rgb"})  # fmt: skip
     other = limits.assign(light="low", right_percent=99.0)
-    (ax,) = failures_page.draw_limits(pd.concat([limits, other]), "high", {"rgb": (0.0, 0.9)}).axes
-    (line,) = ax.lines
+    (ax,) = failures_page.draw_limits(pd.concat([limits, other]), "high", (0.0, 0.9)).axes
+    line, events = ax.lines
+    assert not len(events.get_xdata())
     assert np.array_equal(line.get_xydata(), [(4, 95), (2, 94), (0, 80)])
     assert [(text.get_text(), text.xy) for text in ax.texts] == [("0", (4, 95)), ("0.9", (0, 80))]

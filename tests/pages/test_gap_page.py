@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lmmap.pages import accuracy_figures
+from lmmap.pages import gap_page
 from lmmap.studies.pose_errors import LIGHTS, MODALITIES
 
 
@@ -24,7 +24,7 @@ def gap():
 
 
 def test_both_gaps_stand_beside_the_paper_in_millimetres_and_percent(gap):
-    axes = np.reshape(accuracy_figures.draw_gap(gap, gap.assign(ours=7.0)).axes, (2, 2))
+    axes = np.reshape(gap_page.draw_gap(gap, gap.assign(ours=7.0)).axes, (2, 2))
     diamonds = [[line for line in ax.lines if line.get_marker() == "D"] for ax in axes.flat]
     assert all(np.array_equal(line.get_ydata(), [2000, 4000, 6000]) for line in (*diamonds[0], *diamonds[1]))
     ours, *_ = axes[1, 0].containers
@@ -38,7 +38,7 @@ def test_the_cost_of_a_gap_is_a_line_from_the_low_to_the_high_gap():
     index = pd.MultiIndex.from_product([LIGHTS, MODALITIES])
     rate = pd.DataFrame({"low-domain-gap": 90.0, "high-domain-gap": np.arange(6.0)}, index)
     cost = pd.DataFrame({"error grows by": np.arange(6.0) + 1}, index)
-    left, right = accuracy_figures.draw_gap_cost(rate, cost).axes
+    left, right = gap_page.draw_gap_cost(rate, cost).axes
     spans = [line.get_ydata() for line in left.lines if len(line.get_ydata()) == 2]
     assert np.array_equal(spans, [(90, k) for k in range(6)])
     assert [text.get_text() for text in left.get_legend().get_texts()] == ["frames", "events"]
@@ -51,7 +51,7 @@ def test_errors_as_promised_lie_on_the_lines():
     tables = [pd.DataFrame({"what": what, "modality": "rgb", "predicted": predicted,
                             "error": 0.67449 * predicted, "most": 1.95996 * predicted})
               for what in ("position_m", "normal_deg")]  # fmt: skip
-    for ax in accuracy_figures.draw_promise(pd.concat(tables)).axes:
+    for ax in gap_page.draw_promise(pd.concat(tables)).axes:
         dots, triangles = ax.lines[:2]
         half, most = ax.lines[-2:]
         for marks, line in ((dots, half), (triangles, most)):

@@ -1,4 +1,4 @@
-"""Figures of accuracy and of the domain gap's cost, from the committed tables of the study."""
+"""Figures of errors across the domain gap, and of what covariances promise, from the study's tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from ..studies.pose_errors import LIGHTS
-from .drawings import COLOUR
+from .drawings import COLOUR, draw_intervals
 from .tables import CAMERAS
 from .tables import LIGHTS as TITLES
 
@@ -46,9 +46,8 @@ def _draw_beside_paper(ax, cells: pd.DataFrame, scale: float) -> None:
     for m, shift in SHIFTS.items():
         cell = cells[cells.modality == m].set_index("light").loc[list(LIGHTS)]
         values = scale * cell[["ours", "ours_low", "ours_high", "table1"]]
-        spread = np.abs([values.ours - values.ours_low, values.ours_high - values.ours])
-        ax.errorbar(x + shift, values.ours, spread, fmt="o", ms=4, capsize=3, color=COLOUR[m],
-                    label=f"{CAMERAS[m]}, ours")  # fmt: skip
+        draw_intervals(ax, x + shift, values.ours, values.ours_low, values.ours_high, COLOUR[m],
+                       f"{CAMERAS[m]}, ours")  # fmt: skip
         ax.plot(x + shift, values.table1, "D", ms=5, color=COLOUR["paper"],
                 label="paper" if m == "rgb" else None)  # fmt: skip
 
