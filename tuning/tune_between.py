@@ -88,16 +88,16 @@ def choice(grid: pd.DataFrame) -> pd.Series:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("tables", nargs="*", choices=("edges", "grid"), default=("edges", "grid"))
+    parser.add_argument("--only", choices=("edges", "grid"), help="one table; default: both")
     parser.add_argument("--jobs", type=int, default=2)
     a, port = parser.parse_args(), Port.lm_map()
     seconds = {name: SECONDS[name.split("-")[1]] for name in SEQUENCES}
     recordings = [between_images.kept_recording(name, s, FOLDER) for name, s in seconds.items()]
     facts = {"command": "python tuning/tune_between.py", "sequences": SEQUENCES, "seconds": SECONDS}
-    if "edges" in a.tables:
+    if a.only != "grid":
         edges = scatter(pd.concat([residuals(r, port, OURS.between.gate_px) for r in recordings]))
         save_table(DATA / "results" / "between" / "edges.csv", edges, **facts)
-    if "grid" in a.tables:
+    if a.only != "edges":
         cases = [(r, between_images.kept_arrivals(r, FOLDER)) for r in recordings]
         tasks = (delayed(judged)(cases, late_us, port) for late_us in LATE_US)
         grid = pd.DataFrame(Parallel(n_jobs=a.jobs, max_nbytes=None)(tasks))

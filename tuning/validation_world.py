@@ -8,9 +8,11 @@ neither train nor test anything.  Made once, kept in data/derived/validation; an
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 from unittest import mock
 
 import numpy as np
@@ -26,6 +28,7 @@ from lmmap.settings import PAPER
 from lmmap.training import dataset
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))  # where mitsuba_scene lies
 SEQUENCES = [f"realistic-{i}" for i in range(1201, 1210)]
 PICTURES = [f"realistic-{i}" for i in range(1210, 1217)]
 FOLDER = DERIVED_DATA / "validation"
