@@ -1,9 +1,10 @@
 """`make vo`: run ORB-SLAM3, SVO and EVO on the bench's recordings, estimate our poses, keep all tracks.
 
 Simulates the sequences, exports them, and starts each run in a process of its own, ORB-SLAM3's and SVO's
-from `.venv-vo`.  ``--methods EVO`` runs that alone and keeps the committed rows of the others.  What is done
-is kept in data/derived/vo under a hash of what made it, so that an interrupted benchmark goes on.  Ends by
-writing data/results/odometry: tracks, truth, run log, provenance.
+from `.venv-vo`.  ``--methods EVO`` runs that alone and keeps the committed rows of the others; ``--methods
+lmmap`` estimates our poses alone.  What is done is kept in data/derived/vo under a hash of what made it, so
+that an interrupted benchmark goes on.  Ends by writing data/results/odometry: tracks, truth, run log,
+provenance.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import pandas as pd
 from lmmap.bench import simulate
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate
-from lmmap.provenance import DERIVED_DATA, ROOT, fingerprint, profile, save_table, source_files
+from lmmap.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table, source_files
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.studies import odometry, odometry_files, sequence_files
@@ -37,6 +38,7 @@ TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far 
 OWN_TIMEOUT_S = 7200.0  # EVO here reads a file as fast as it can, and cannot hang
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
 RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py", "EVO": "evo_run.py"}
+METHODS = ("lmmap", *RUNNERS)
 EVENTS_ALONE, OWN = ("EVO",), ("EVO",)  # methods that know no frames; written here, and so deterministic
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
 
@@ -169,7 +171,9 @@ def publish(rows: list[dict], folder: Path, facts: dict, kept_rows: list[dict]) 
     for row in rows:
         lines = (folder / "tracks" / row["file"]).read_text().splitlines()
         (target / row["file"]).write_text("".join(_short(line) + "\n" for line in lines))
-    save_table(target / "runs.csv", pd.DataFrame(kept_rows + rows), **facts)
+    table = pd.DataFrame(kept_rows + rows)
+    table = table.sort_values("method", key=lambda m: m.map(METHODS.index), kind="stable")
+    save_table(target / "runs.csv", table, **facts)
     say(f"{target.relative_to(ROOT)}: {len(rows)} runs written, {len(kept_rows)} kept")
 
 
@@ -185,25 +189,27 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 2,
                         help="runs at a time; each wants a third of a core, in real time")  # fmt: skip
     parser.add_argument("--runs", type=int, default=RUNS, help="of each of the three starts")
-    parser.add_argument("--methods", nargs="+", choices=RUNNERS, metavar="METHOD",
+    parser.add_argument("--methods", nargs="+", choices=METHODS, metavar="METHOD",
                         help="run these alone, and keep the committed rows of all others")  # fmt: skip
     arguments = parser.parse_args()
-    methods = arguments.methods or list(RUNNERS)
+    methods = arguments.methods or METHODS
+    others = [method for method in methods if method in RUNNERS]
     seconds, folder = SECONDS[profile()], DERIVED_DATA / "vo" / profile()
     (folder / "tracks").mkdir(parents=True, exist_ok=True)
-    facts, kept_rows, rows = {"profile": profile(), "seconds": seconds}, [], []
+    facts, kept_rows, rows = {"profile": profile(), "seconds": seconds, "commits": {}}, [], []
     if arguments.methods:
         kept_rows, facts = _kept_rows(methods, facts)
     marks = {name: prepare(name, seconds, folder) for name in odometry.SEQUENCES}
-    if not arguments.methods:
+    facts["commits"] |= dict.fromkeys(methods, commit())
+    if "lmmap" in methods:
         rows = [ours(name, m, folder, marks[name]) for name in marks for m in odometry.MODALITIES]
-    if set(methods) - set(OWN):
+    if set(others) - set(OWN):
         facts["vocabulary_sha256"] = _vocabulary(folder / "vocabulary.txt")
         pins = (HERE / "requirements.txt").read_text().splitlines()
         facts["pins"] = [line.strip() for line in pins if "==" in line]
     with ThreadPoolExecutor(arguments.workers) as pool:  # after ours, for theirs run in real time
         try:
-            rows += runs(pool, folder, marks, seconds, arguments.runs, methods)
+            rows += runs(pool, folder, marks, seconds, arguments.runs, others)
         except BaseException:  # those under way end, and are kept; no other begins
             pool.shutdown(cancel_futures=True)
             raise
@@ -218,7 +224,7 @@ def _vocabulary(words: Path) -> str:
 
 
 def _kept_rows(methods: list[str], facts: dict) -> tuple[list[dict], dict]:
-    """Committed rows of all other methods, and the facts with the commit that made those rows.
+    """Committed rows of all other methods, and the facts with the commits that made them.
 
     Raises
     ------
@@ -232,9 +238,8 @@ def _kept_rows(methods: list[str], facts: dict) -> tuple[list[dict], dict]:
             f"{odometry.FOLDER / 'runs.csv'}: its runs are of the profile {before['profile']}, not of "
             f"{facts['profile']}; set PROFILE, or run all methods"
         )
-    inherited = {key: before[key] for key in ("vocabulary_sha256", "pins") if key in before}
-    facts = facts | inherited | {"kept_commit": before.get("kept_commit", before["commit"])}
-    return log[~log.method.isin(methods)].to_dict("records"), facts
+    inherited = {key: before[key] for key in ("vocabulary_sha256", "pins", "commits") if key in before}
+    return log[~log.method.isin(methods)].to_dict("records"), facts | inherited
 
 
 if __name__ == "__main__":

@@ -1,11 +1,14 @@
 """`make vo`: whatever happens in a run's process, crash and time-out included, is a row of the log."""
 
 import importlib.util
+import json
 import sys
 
+import pandas as pd
 import pytest
 
 from lmmap.provenance import ROOT
+from lmmap.types import InputError
 
 RUNNER = """
 import os, sys, time
@@ -62,3 +65,16 @@ def test_an_interrupted_making_is_repeated(bench, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         bench.kept(tmp_path / "thing", "b", broken)
     assert bench.kept(tmp_path / "thing", "a", lambda: None)
+
+
+def test_one_method_keeps_the_rows_and_the_commits_of_the_others(bench, tmp_path, monkeypatch):
+    rows = {"method": ["lmmap", "SVO", "EVO"], "tracked": [1, 2, 3]}
+    before = {"profile": "quick", "commit": "c", "commits": {"lmmap": "a", "SVO": "b", "EVO": "c"}}
+    monkeypatch.setattr(bench.odometry, "FOLDER", tmp_path)
+    (tmp_path / "runs.provenance.json").write_text(json.dumps(before))
+    pd.DataFrame(rows).to_csv(tmp_path / "runs.csv", index=False)
+    kept_rows, facts = bench._kept_rows(["lmmap"], {"profile": "quick", "commits": {}})
+    assert kept_rows == [{"method": "SVO", "tracked": 2}, {"method": "EVO", "tracked": 3}]
+    assert facts["commits"] == before["commits"]
+    with pytest.raises(InputError, match="profile quick"):
+        bench._kept_rows(["lmmap"], {"profile": "paper"})
