@@ -110,9 +110,10 @@ def choice(grid: pd.DataFrame) -> pd.Series:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--present", action="store_true", help="measure the present settings, choose none")
+    args = parser.parse_args()
     port, plain = Port.lm_map(), [measured(name) for name in SEQUENCES]
     cases = plain + [(recording, silenced(tracks)) for recording, tracks in plain]
-    if parser.parse_args().present:
+    if args.present:
         inside = 100 * (scored(cases, OURS.motion, port).nees < chi2.ppf(0.95, 6))
         values = {"inside_95_percent": float(inside.mean()), "poses": len(inside)}
         facts = {"command": "python tuning/tune_fusion.py --present", "sequences": SEQUENCES}

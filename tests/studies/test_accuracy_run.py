@@ -1,5 +1,7 @@
 """The study on made-up estimates: it goes on where it stopped, ends, and has every table."""
 
+from shutil import copytree
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -121,12 +123,19 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick):
     assert not third.made and (quick / "summary.csv").stat().st_mtime_ns == before
 
 
-@pytest.fixture
-def paper(tmp_path):
-    """The committed folder of a whole study."""
-    study = made_up(tmp_path / "derived", committed=tmp_path / "committed")
+@pytest.fixture(scope="module")
+def whole_study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    study = made_up(folder / "derived", committed=folder / "committed")
     accuracy_run.reproduce("paper", print, pictures=picture, study=study)
-    return study.committed
+    return folder
+
+
+@pytest.fixture
+def paper(whole_study, tmp_path):
+    """The committed folder of a whole study, whose results are in "derived" beside it."""
+    copytree(whole_study, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "committed"
 
 
 def picture(recording, folder, labels, rate_hz):

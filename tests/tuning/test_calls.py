@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from lmmap.bench import sequences
+
 ROOT = Path(__file__).parents[2]
 CALL = re.compile(r"^ +python tuning/\w+\.py([^\[#\n]*)", re.MULTILINE)
 PARSE = argparse.ArgumentParser.parse_args
@@ -21,12 +23,17 @@ class ParsedError(Exception):
     """The arguments are fine; nothing is run."""
 
 
+def simulate(*args, **options):
+    pytest.fail("The script simulates before it has read its arguments.")
+
+
 @pytest.mark.parametrize(("script", "call"), CALLS)
-def test_a_documented_call_is_accepted(script, call, monkeypatch):
+def test_a_documented_call_is_accepted_before_anything_is_made(script, call, monkeypatch):
     def parse(self, *args):
         PARSE(self, *args)
         raise ParsedError
 
+    monkeypatch.setattr(sequences, "simulate", simulate)
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse)
     monkeypatch.setattr(sys, "argv", [script, *call.split()])
     with pytest.raises(ParsedError):
