@@ -63,12 +63,12 @@ evaluate: env  ## make the accuracy study's results alone, resumable (PROFILE=pa
 ORACLES := .venv/.oracles
 
 $(ORACLES): tests/oracles.txt $(STAMP)
-	@echo "test: installing what tests compare with"
+	@echo "test: installing what tests alone need"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.txt -r tests/oracles.txt
 	@touch $@
 
-test: env $(ORACLES)  ## run the tests
-	@$(BIN)/python -m pytest -q
+test: env $(ORACLES)  ## run the tests (JOBS=4: on four processes, else on two)
+	@$(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff check .

@@ -10,7 +10,7 @@ from strategies import CAMERA, PORT, pose
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
-from lmmap.pipeline.follow import at_once, follow, mask_within
+from lmmap.pipeline.follow import _workers, at_once, follow, mask_within
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.types import Ellipse
 
@@ -23,6 +23,7 @@ WIDTH_PX = 12.0
 def one_thread():
     before = torch.get_num_threads()
     torch.set_num_threads(1)
+    _workers.cache_clear()  # a worker that has computed nothing yet would take the number that was set last
     yield
     torch.set_num_threads(before)
 
