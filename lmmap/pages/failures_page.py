@@ -142,14 +142,13 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
     for ax, (title, tables) in zip(axes, panels.items(), strict=True):
         ax.plot([0, 1], [0, 1], color=COLOUR["ink"], lw=0.8, ls="--")
         least = 1.0
-        for side, (name, table) in zip((-1, 1), tables.items(), strict=False):
+        for side, (name, table) in zip((1, -1), tables.items(), strict=False):
             ends = share_intervals(table)
             ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
                         color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
-            for k, row in enumerate(table.itertuples()):
-                height = 6 if len(tables) == 1 and k % 2 else -12  # alone, above and below in turn
-                ax.annotate(f"{row.poses:,}", (row.confidence, row.right), (5 * side, height),
-                            textcoords="offset points", ha="left" if side > 0 else "right",
+            for row, end in zip(table.itertuples(), ends[:, 1 if side > 0 else 0], strict=True):
+                ax.annotate(f"{row.poses:,}", (row.confidence, end), (0, 5 * side),
+                            textcoords="offset points", ha="center", va="bottom" if side > 0 else "top",
                             color=COLOUR[name], size="small")  # fmt: skip
             least = min(least, ends.min(), table.confidence.min())
         least = np.floor(10 * least) / 10
