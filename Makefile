@@ -107,7 +107,7 @@ train: env  ## train all twelve filters (an interrupted run goes on)
 bench: $(ORACLES)  ## run the benchmarks against their peers
 	@for file in benchmarks/bench_*.py; do echo "bench: $$file"; $(BIN)/python "$$file"; done
 
-vo: env .venv-vo/.installed  ## run ORB-SLAM3, SVO (GPL-3, in .venv-vo) and EVO beside our method (hours)
+vo: env .venv-vo/.installed  ## run ORB-SLAM3, SVO (GPL-3, in .venv-vo) and EVO beside our method (less than an hour)
 	@$(BIN)/python benchmarks/vo/run.py $(if $(WORKERS),--workers $(WORKERS)) $(if $(RUNS),--runs $(RUNS)) $(if $(METHODS),--methods $(METHODS))
 
 .venv-vo/.installed: benchmarks/vo/requirements.txt
