@@ -23,7 +23,7 @@ unexport MPLBACKEND
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 unexport MATPLOTLIBRC
 # Of results and pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
-book reproduce evaluate serve lab pdf: export LMMAP_PRECISION := float32
+book reproduce evaluate serve lab pdf vo: export LMMAP_PRECISION := float32
 
 BIN := .venv/bin
 STAMP := .venv/.installed

@@ -39,7 +39,8 @@ OWN_TIMEOUT_S = 7200.0  # EVO here reads a file as fast as it can, and cannot ha
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
 RUNNERS = {"ORB-SLAM3": "orbslam3.py", "SVO": "svo.py", "EVO": "evo_run.py"}
 METHODS = ("lmmap", *RUNNERS)
-EVENTS_ALONE, OWN = ("EVO",), ("EVO",)  # methods that know no frames; written here, and so deterministic
+EVENTS_ALONE = ("EVO",)  # methods that know no frames
+OWN = ("EVO",)  # written here, and so deterministic on each kind of processor
 SCRIPTS = ("benchmarks/vo/frames.py", "benchmarks/vo/requirements.txt")
 
 
