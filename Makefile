@@ -63,7 +63,7 @@ evaluate: env  ## make the accuracy study's results alone, resumable (PROFILE=pa
 ORACLES := .venv/.oracles
 
 $(ORACLES): tests/oracles.txt $(STAMP)
-	@echo "test: installing what tests alone need"
+	@echo "test: installing what only tests and benchmarks need"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.txt -r tests/oracles.txt
 	@touch $@
 

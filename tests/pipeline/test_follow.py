@@ -23,7 +23,6 @@ WIDTH_PX = 12.0
 def one_thread():
     before = torch.get_num_threads()
     torch.set_num_threads(1)
-    _workers.cache_clear()  # a worker that has computed nothing yet would take the number that was set last
     yield
     torch.set_num_threads(before)
 
@@ -46,6 +45,7 @@ def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(name, modality
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_thread):
     torch.set_num_threads(threads)
+    _workers.cache_clear()  # an idle old worker would take the number that was set last
     seen = at_once(torch.get_num_threads, lambda: "second")
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
