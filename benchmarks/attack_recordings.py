@@ -208,14 +208,8 @@ def sum_tables(paths: list[Path]) -> pd.DataFrame:
 def warm_up() -> None:
     """Import what commands import when they run, and load the shipped networks, so that a forked process
     need not."""
-    import lmmap.cli.authors
-    import lmmap.cli.drawing
-    import lmmap.cli.estimation
-    import lmmap.cli.evaluation
-    import lmmap.cli.info
-    import lmmap.cli.live
-    import lmmap.cli.pictures
-    import lmmap.studies.odometry_files  # noqa: F401
+    import lmmap_lab.cli.authors
+    import lmmap_lab.studies.odometry_files  # noqa: F401
     from lmmap.pipeline import image_estimator
 
     image_estimator.load_networks = functools.cache(image_estimator.load_networks)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lmmap.bench import laboratory, optics, renderer
 from lmmap.recordings import rosbag_writer
-from lmmap.rig import standin, tf, ur5e
 from lmmap.types import EVENT, Camera, Port, Pose, Recording
+from lmmap_lab.bench import laboratory, optics, renderer
+from lmmap_lab.rig import standin, tf, ur5e
 
 CAMERA = Camera(128, 96, 324.0, 324.0, 63.5, 47.5)
 IMAGES, STEP_US = 26, 100_000  # a calibration needs 20 detections

@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
-from lmmap.bench import event_sensor, laboratory, optics, renderer, sequences
 from lmmap.types import Camera, Port
+from lmmap_lab.bench import event_sensor, laboratory, optics, renderer, sequences
 
 SECONDS, LIGHTS = 5.0, ("low", "medium", "high")
 

@@ -15,15 +15,15 @@ import time
 import numpy as np
 import torch
 
-from lmmap.bench import sequences
 from lmmap.geometry.port import on_plane
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.settings import OURS
-from lmmap.studies.between_images import SETUP
 from lmmap.tracking.between import Between
 from lmmap.tracking.edges import EdgeFinder
 from lmmap.types import Estimate, Port, Status
+from lmmap_lab.bench import sequences
+from lmmap_lab.studies.between_images import SETUP
 
 NAME, MEV_S = "speed-150-103", (0.5, 1.5, 4.0)
 GOOD = np.diag([1e-3, 1e-3, 2e-3, 0.01, 0.01, 0.01]) ** 2

@@ -17,10 +17,10 @@ from lmmap.pipeline.image_estimator import markers_box_px
 from lmmap.pipeline.network import PRECISIONS, best_precision
 from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import FILTERS
-from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS
-from lmmap.training.mask_quality import iou
+from lmmap_lab.provenance import DATA
+from lmmap_lab.training.mask_quality import iou
 
 ROUNDS = 21
 

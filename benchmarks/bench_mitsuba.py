@@ -18,11 +18,11 @@ import mitsuba_scene as peer
 import numpy as np
 import pandas as pd
 
-from lmmap import provenance
-from lmmap.bench import cad, laboratory, renderer, sequences
 from lmmap.geometry.port import in_view
-from lmmap.training.mask_quality import iou
 from lmmap.types import Camera, Port
+from lmmap_lab import provenance
+from lmmap_lab.bench import cad, laboratory, renderer, sequences
+from lmmap_lab.training.mask_quality import iou
 
 mi = peer.mi
 CAMERA, PORT = Camera.davis346(), Port.lm_map()

@@ -26,10 +26,10 @@ from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.ring import skeleton_points
 from lmmap.pipeline.run import TimedImage, estimate_images, images
 from lmmap.pipeline.weights import FILTERS
-from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
 from lmmap.settings import PAPER
+from lmmap_lab.provenance import DATA
 
 IMAGES, LAPS = 24, 4
 GOAL_HZ = {True: 25.0, False: 15.0}  # with bfloat16 in the processor, and without

@@ -22,11 +22,11 @@ from lmmap.files import tune_allocator
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.run import timed_images
-from lmmap.provenance import DATA
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import Status
+from lmmap_lab.provenance import DATA
 
 GOALS = {"bfloat16": (50.0, 10.0), "float32": (30.0, 1.0)}  # Hz, and times the plain path
 WARM, LAPS = 3, {"plain": 1, "frame by frame": 2, "tracker": 4}  # images of a lap that do not count, and laps

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from attack_recordings import digests
 
-from lmmap.provenance import DATA, DERIVED_DATA, ROOT
+from lmmap_lab.provenance import DATA, DERIVED_DATA, ROOT
 
 MINI = DATA / "mini" / "test-low.aedat4"
 SHORTEST_S = 0.3

@@ -16,12 +16,12 @@ from long_recording import MAIN, child
 
 from lmmap import open_recording
 from lmmap.files import CAMERA, atomic
-from lmmap.provenance import DATA
 from lmmap.recordings import rosbag_writer
-from lmmap.rig import authors_bags, standin, tf
-from lmmap.rig.rig import RIG_FILE
-from lmmap.rig.ur5e import follow
 from lmmap.types import Camera
+from lmmap_lab.provenance import DATA
+from lmmap_lab.rig import authors_bags, standin, tf
+from lmmap_lab.rig.rig import RIG_FILE
+from lmmap_lab.rig.ur5e import follow
 
 LIMIT_GB = 2.0
 

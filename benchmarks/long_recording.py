@@ -16,8 +16,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lmmap.provenance import DATA
 from lmmap.recordings.formats import WRITERS, open_recording
+from lmmap_lab.provenance import DATA
 
 SECONDS = 1200.0
 LIMIT_GB, LEAST_MEV_S = 1.5, 10.0

@@ -14,8 +14,8 @@ import numpy as np
 
 mi.set_variant("scalar_rgb")
 
-from lmmap.bench import renderer, shading, skins  # noqa: E402
-from lmmap.bench.cad import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
+from lmmap_lab.bench import renderer, shading, skins  # noqa: E402
+from lmmap_lab.bench.cad import BODY, MARKER, PANEL, PETAL, PLATE, RING  # noqa: E402
 
 LAYERS = ("diffuse", "microfacet", "retro")
 SEGMENTS = 1440  # of the ring: its chords stay within 0.2 um of the circle
@@ -236,7 +236,7 @@ def render(solid, skin, emitters, T_cam_port, camera, layers=LAYERS) -> np.ndarr
 
 
 def surfaces(solid, skin, T_cam_port, camera) -> np.ndarray:
-    """The surface at each pixel's centre, (H, W), by the numbers of `lmmap.bench.cad`."""
+    """The surface at each pixel's centre, (H, W), by the numbers of `lmmap_lab.bench.cad`."""
     aov = {"type": "aov", "aovs": "what:shape_index"}
     seen = scene(solid, skin, "diffuse", [], aov, T_cam_port, camera)
     index = np.array(mi.render(seen))[..., -1].round().astype(int)

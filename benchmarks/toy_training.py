@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lmmap.training import dataset, train
-from lmmap.training.recipe import Recipe
+from lmmap_lab.training import dataset, train
+from lmmap_lab.training.recipe import Recipe
 
 SHAPE = (100, 104)
 

@@ -21,7 +21,7 @@ _HOME = {
     "PrintedEstimator": "pipeline.printed",
     "Tracker": "tracking.tracker",
     "circle": "pipeline.circle",
-    "draw": "pages.overlay",
+    "draw": "drawing.overlay",
     "ellipse": "pipeline.ellipse",
     "estimate": "pipeline.run",
     "fuse": "tracking.fusion",

@@ -7,8 +7,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lmmap.provenance import DATA
 from lmmap.types import Camera, Port, Pose
+from lmmap_lab.provenance import DATA
 
 settings.register_profile("lmmap", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("lmmap")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lmmap.provenance import DATA, ROOT
+from lmmap_lab.provenance import DATA, ROOT
 
 FIVE_LINES = """
 import lmmap

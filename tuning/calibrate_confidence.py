@@ -31,13 +31,13 @@ from scipy.spatial.transform import Rotation
 
 from lmmap.pipeline import agreement
 from lmmap.pipeline.run import TimedImage, estimate_image
-from lmmap.provenance import DATA, save_table
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
-from lmmap.studies.metrics import normal_error_rad, position_error_m
-from lmmap.studies.reliability import calibration_error, error_by_chance, reliability
-from lmmap.studies.sequence_files import looks_of
 from lmmap.types import Estimate, Pose
+from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
+from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
+from lmmap_lab.studies.sequence_files import looks_of
 
 RIDGE = 1.0  # of standardised slopes
 LIMITS = np.arange(0.5, 0.951, 0.05).round(2)

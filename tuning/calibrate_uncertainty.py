@@ -21,18 +21,18 @@ import pandas as pd
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.bench import laboratory, sequences
 from lmmap.geometry.port import in_view
 from lmmap.pipeline import yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
-from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
-from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap.types import Camera, Port, Pose
+from lmmap_lab.bench import laboratory, sequences
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
 SECONDS, RATE_HZ = 1.6, 5.0

@@ -19,14 +19,14 @@ from choose_thresholds import right
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.bench.laboratory import sequence
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram, middle_us, windows_at
-from lmmap.provenance import DATA, save_table
 from lmmap.settings import OURS
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Estimate
+from lmmap_lab.bench.laboratory import sequence
+from lmmap_lab.provenance import DATA, save_table
 
 FACTORS = (1.0, 1.5, 2.0, 3.0)
 

@@ -22,10 +22,10 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline import agreement, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import images
-from lmmap.provenance import DATA, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
 from lmmap.types import Port, Pose
+from lmmap_lab.provenance import DATA, save_table
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1031)] + [f"augmented-{i}" for i in range(1001, 1007)]
 EMPTY = [f"empty-{i}" for i in range(1001, 1013)]

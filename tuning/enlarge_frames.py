@@ -19,11 +19,11 @@ from other_sensors import FRAME_HZ, PORT, SENSORS, is_seen, true_pose
 from tqdm import tqdm
 from wrong_poses import SETS
 
-from lmmap.bench import sequences
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate_image, timed_images
-from lmmap.provenance import DATA, save_table
 from lmmap.settings import OURS, PerCamera, Settings
+from lmmap_lab.bench import sequences
+from lmmap_lab.provenance import DATA, save_table
 
 SEQUENCES, SECONDS = list(SETS["bench, tuning"]), 0.3
 LENSES = ("240 x 180", "346 x 260, twice the view", "346 x 260, three times the view")

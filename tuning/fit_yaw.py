@@ -18,10 +18,10 @@ import wrong_poses
 from choose_thresholds import right
 
 from lmmap.pipeline import outline, yaw
-from lmmap.provenance import DATA, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS, PerCamera
-from lmmap.studies.metrics import normal_error_rad, position_error_m
+from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
 NEAR_RAD = np.deg2rad(4.0)  # of the true yaw: what shall be probable
 RIDGE = 1.0  # of standardised weights

@@ -23,12 +23,12 @@ import wrong_poses
 from choose_thresholds import right
 
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.pages import drawings
-from lmmap.pages.gallery import COLUMNS, DPI, TILE_IN
-from lmmap.pages.tables import ANSWERS, CAMERAS, LIGHTS
-from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.settings import OURS
 from lmmap.types import Estimate, Pose
+from lmmap_lab.pages import drawings
+from lmmap_lab.pages.gallery import COLUMNS, DPI, TILE_IN
+from lmmap_lab.pages.tables import ANSWERS, CAMERAS, LIGHTS
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 
 SET = "other laboratory, judged once"
 SEEN = Path(__file__).with_name("rings-seen.csv")

@@ -16,8 +16,8 @@ from functools import partial
 import pandas as pd
 import wrong_poses
 
-from lmmap.provenance import DATA, save_table
 from lmmap.settings import OURS
+from lmmap_lab.provenance import DATA, save_table
 
 LOOKS = {"first look": replace(OURS, turned_look=False, sure_confidence=0.0), "looks again": OURS}
 

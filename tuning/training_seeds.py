@@ -20,22 +20,22 @@ from pathlib import Path
 import pandas as pd
 from wrong_poses import CAMERA, EACH, LIGHTS, PORT, looks, of_light
 
-from lmmap.bench import labels, sequences
-from lmmap.bench.renderer import ray_grid
 from lmmap.pipeline import circle
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.ring import binarise
 from lmmap.pipeline.weights import load_network
-from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
-from lmmap.studies.metrics import normal_error_rad, position_error_m
-from lmmap.studies.right_and_wrong import shares
-from lmmap.training import train
-from lmmap.training.mask_quality import iou
-from lmmap.training.recipe import FAST, Recipe
 from lmmap.types import Pose
+from lmmap_lab.bench import labels, sequences
+from lmmap_lab.bench.renderer import ray_grid
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
+from lmmap_lab.studies.right_and_wrong import shares
+from lmmap_lab.training import train
+from lmmap_lab.training.mask_quality import iou
+from lmmap_lab.training.recipe import FAST, Recipe
 
 SEEDS, STEPS, CROP_PX = (0, 1, 2), 2500, 64
 TRAINING = {  # as many sequences for either gap

@@ -25,19 +25,19 @@ from calibrate_uncertainty import log_scores, mahalanobis
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.bench import sequences
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, merge_by_time, true_poses
-from lmmap.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
 from lmmap.recordings.pose_files import stack_poses
 from lmmap.settings import OURS, MotionSettings
-from lmmap.studies.metrics import normal_error_rad, pose_difference, position_error_m
-from lmmap.studies.sequence_files import estimates_fingerprint
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Port, Status
+from lmmap_lab.bench import sequences
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_json, save_table
+from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
+from lmmap_lab.studies.sequence_files import estimates_fingerprint
 
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
 SECONDS, RATE_HZ = 8.0, 10.0

@@ -26,12 +26,12 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import load_card, load_network, set_hashes, shipped_gaps, weight_path
-from lmmap.provenance import DATA, DERIVED_DATA, load_table, save_table
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
-from lmmap.training import augment, train
-from lmmap.training.mask_quality import iou
-from lmmap.training.recipe import Recipe
+from lmmap_lab.provenance import DATA, DERIVED_DATA, load_table, save_table
+from lmmap_lab.training import augment, train
+from lmmap_lab.training.mask_quality import iou
+from lmmap_lab.training.recipe import Recipe
 
 STEPS = 100
 NEAR_PX, NEAR_SIZE = 2.0, 0.05  # of the centre and, relative, of the axes: an ellipse that is the ring's

@@ -17,16 +17,16 @@ from unittest import mock
 
 import numpy as np
 
-from lmmap.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
-from lmmap.bench.event_sensor import SensorSettings
-from lmmap.bench.varied import angle_about_port
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import images
-from lmmap.provenance import DERIVED_DATA
 from lmmap.settings import PAPER
-from lmmap.training import dataset
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
+from lmmap_lab.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins
+from lmmap_lab.bench.event_sensor import SensorSettings
+from lmmap_lab.bench.varied import angle_about_port
+from lmmap_lab.provenance import DERIVED_DATA
+from lmmap_lab.training import dataset
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))  # where mitsuba_scene lies
 SEQUENCES = [f"realistic-{i}" for i in range(1201, 1210)]

@@ -32,16 +32,16 @@ import validation_world as world
 from choose_thresholds import right
 from tqdm import tqdm
 
-from lmmap.bench import sequences
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import TurnedToo, crop_bounds
 from lmmap.pipeline.run import TimedImage, estimate_image, timed_images
 from lmmap.pipeline.weights import FILTERS, load_networks
-from lmmap.provenance import DATA, DERIVED_DATA, save_table
 from lmmap.settings import OURS, PerCamera, Settings
-from lmmap.studies.sequence_files import looks_of
 from lmmap.types import Camera, Estimate, Port, Pose, Recording
+from lmmap_lab.bench import sequences
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.sequence_files import looks_of
 
 LIGHTS = ("low", "medium", "high")  # of `realistic-N`, by N modulo 3
 PLACES = {  # number of the first sequence, and how many of each light

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from lmmap.recordings.formats import open_recording
-from lmmap.studies.odometry import FOLDER
+from lmmap_lab.studies.odometry import FOLDER
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
 

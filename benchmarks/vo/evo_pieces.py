@@ -18,13 +18,13 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
-from lmmap.bench import cad, laboratory
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_angle_rad
-from lmmap.provenance import save_table
 from lmmap.recordings.formats import open_recording
-from lmmap.studies.odometry import FOLDER, SEQUENCES
 from lmmap.types import Camera, Port, Pose, Trajectory
+from lmmap_lab.bench import cad, laboratory
+from lmmap_lab.provenance import save_table
+from lmmap_lab.studies.odometry import FOLDER, SEQUENCES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
 

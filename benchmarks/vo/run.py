@@ -20,15 +20,23 @@ from pathlib import Path
 
 import pandas as pd
 
-from lmmap.bench import simulate
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate
-from lmmap.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table, source_files
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
-from lmmap.studies import odometry, odometry_files, sequence_files
-from lmmap.training.dataset import BENCH
 from lmmap.types import InputError, Port, Trajectory
+from lmmap_lab.bench import simulate
+from lmmap_lab.provenance import (
+    DERIVED_DATA,
+    ROOT,
+    commit,
+    fingerprint,
+    profile,
+    save_table,
+    source_files,
+)
+from lmmap_lab.studies import odometry, odometry_files, sequence_files
+from lmmap_lab.training.dataset import BENCH
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
@@ -65,7 +73,7 @@ def prepare(name: str, seconds: float, folder: Path) -> str:
     path = folder / f"{name}.h5"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulate.record(name, seconds, path))
-    exported = mark + fingerprint(patterns=source_files("studies.odometry_files"))
+    exported = mark + fingerprint(patterns=source_files("lmmap_lab.studies.odometry_files"))
     kept(
         folder / name, exported, lambda: odometry_files.export(open_recording(path), folder / name, bag=False)
     )
@@ -150,7 +158,7 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    sources = ["lmmap/studies/odometry.py"]
+    sources = ["lmmap_lab/studies/odometry.py"]
     kept(path, mark + sequence_files.estimates_fingerprint(modality, "low", sources=sources), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}

@@ -20,7 +20,8 @@ from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
 
-from lmmap.provenance import PACKAGE, ROOT, page_fingerprint
+from lmmap.shipped import PACKAGE
+from lmmap_lab.provenance import ROOT, page_fingerprint
 
 BINDER = "https://mybinder.org/v2/git/ADDRESS/HEAD"
 

@@ -17,7 +17,7 @@ import jupytext
 import nbformat
 import yaml
 
-from lmmap.provenance import DATA, ROOT, load_json, profile
+from lmmap_lab.provenance import DATA, ROOT, load_json, profile
 
 GLUED = "application/papermill.record/"
 GLUE = re.compile(r"\{glue:text\}`(?:[\w./-]+::)?([\w-]+)(?::([^`]+))?`")

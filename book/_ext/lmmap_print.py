@@ -19,9 +19,9 @@ import yaml
 from bs4 import BeautifulSoup, Tag
 from pypdf import PdfReader
 
-from lmmap.pages.player import Player
-from lmmap.provenance import ROOT
 from lmmap.types import InputError
+from lmmap_lab.pages.player import Player
+from lmmap_lab.provenance import ROOT
 
 HTML, PDF = ROOT / "_build" / "html", ROOT / "_build" / "pdf"
 TITLE = "Docking by ring and events"

@@ -6,7 +6,7 @@ import ast
 import importlib
 import inspect
 
-from lmmap import provenance
+from lmmap_lab import provenance
 
 FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA}
 
@@ -80,7 +80,9 @@ def _function(value) -> set[str]:
     """The full name of a function of this package, unless it only names files or sets styles."""
     ours = inspect.isfunction(value) and value.__module__.startswith("lmmap.")
     ours = (
-        ours and value.__module__ != "lmmap.provenance" and value.__name__ not in ("use_style", "interactive")
+        ours
+        and value.__module__ != "lmmap_lab.provenance"
+        and value.__name__ not in ("use_style", "interactive")
     )
     return {f"{value.__module__}.{value.__name__}"} if ours else set()
 

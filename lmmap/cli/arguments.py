@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 
+from lmmap_lab.cli.arguments import add_authors, add_studies
+
 from .choices import (
     DEFAULT_WEIGHTS,
     DOMAIN_GAPS,
@@ -18,7 +20,6 @@ from .choices import (
     profile,
 )
 from .commands import Commands
-from .study_arguments import add_authors, add_studies
 
 ESTIMATE = """examples:
   lmmap estimate run.bag --modality rgb --camera camchain.yaml -o poses.csv
@@ -76,7 +77,7 @@ def parser(complete_files=None) -> argparse.ArgumentParser:
 def _add_bench(commands: Commands) -> None:
     command = commands.add(
         "simulate",
-        "lmmap.cli.bench:simulate",
+        "lmmap_lab.cli.bench:simulate",
         "record sequences of the bench, and their ground truth",
     )
     command.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
@@ -96,7 +97,7 @@ def _add_bench(commands: Commands) -> None:
     )
     command = commands.add(
         "photometry",
-        "lmmap.cli.bench:calibrate_lamps",
+        "lmmap_lab.cli.bench:calibrate_lamps",
         "calibrate exposure and lamps to the paper's saturation rows",
     )
     commands.add_output(command, "JSON file for the result and its provenance")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+from ..drawing.overlay import Overlay
+from ..drawing.rerun_log import RerunLog
 from ..files import check_output
-from ..pages.overlay import Overlay
-from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.image_estimator import settings_for
 from ..recordings.journal import recording_mark

@@ -11,20 +11,28 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
+from lmmap_lab.studies import pose_errors
+
+from ..drawing.overlay import Overlay
+from ..drawing.rerun_log import RerunLog
 from ..files import check_output
-from ..pages.overlay import Overlay
-from ..pages.rerun_log import RerunLog
 from ..pipeline import run
 from ..pipeline.weights import FILTERS, weight_path
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
-from ..studies import pose_errors
 from ..tracking.fusion import fuse
 from ..tracking.recorded import track_between, track_images
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
-from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input
+from .inputs import (
+    check_between,
+    input_files,
+    make_estimator,
+    network_set,
+    no_images,
+    open_input,
+)
 from .progress import Bar, summary
 
 

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap_lab.studies import pose_errors
+
 from ..pipeline import run
 from ..recordings.formats import read_truth
 from ..recordings.stream import Stream
-from ..studies import pose_errors
 from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port
 from .inputs import find_rig, make_estimator, open_input

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lmmap_lab.rig import rig
+
 from ..files import beside
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
@@ -11,7 +13,6 @@ from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
-from ..rig import rig
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ..drawing.overlay import draw
 from ..files import atomic, check_output
-from ..pages.overlay import draw
 from ..pipeline.any_lens import best_look, looks, markers_px
 from ..pipeline.weights import DOMAIN_GAPS, load_networks
 from ..recordings.pdf import pictures as read_pictures

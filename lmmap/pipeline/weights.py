@@ -11,7 +11,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from ..files import atomic, read_text, regular_file
-from ..provenance import DATA
+from ..shipped import DATA
 from ..types import InputError
 from .network import CHANNELS, FilterNet, MaskNetwork
 

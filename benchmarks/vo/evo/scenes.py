@@ -14,13 +14,13 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from lmmap.bench import optics
-from lmmap.bench.event_sensor import EventSensor, SensorSettings
 from lmmap.types import EVENT, Camera, Pose, Recording, Trajectory
+from lmmap_lab.bench import optics
+from lmmap_lab.bench.event_sensor import EventSensor, SensorSettings
 
 TEXEL_M = 0.004
 SUPERSAMPLING = 2  # rays per pixel along each axis
-LENS_BLUR_PX, STEP_PX, TRUTH_HZ = 0.6, 0.9, 200  # as in `lmmap.bench.sequences`
+LENS_BLUR_PX, STEP_PX, TRUTH_HZ = 0.6, 0.9, 200  # as in `lmmap_lab.bench.sequences`
 FULL_SCALE = 220.0  # 8-bit units of a white surface
 
 

@@ -1,0 +1,57 @@
+"""Finished parts of a simulation on disk, so that an interrupted one goes on to the same bytes."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from lmmap.files import atomic, has_mark
+from lmmap.recordings.hdf5_datasets import new_file
+from lmmap.types import EVENT, Camera, InputError
+
+from .event_sensor import EventSensor
+
+MARK = "made-of.txt"
+
+
+def join(part: dict[str, list], camera: Camera) -> dict[str, np.ndarray]:
+    """Events (M,), frames (N, H, W, 3) and their times (N,) of a part's pieces."""
+    no_frames = np.empty((0, camera.height_px, camera.width_px, 3), np.uint8)
+    return {
+        "events": np.concatenate([np.empty(0, EVENT), *part["events"]]),
+        "frames": np.stack(part["frames"]) if part["frames"] else no_frames,
+        "frames_t_us": np.array(part["frames_t_us"], np.int64),
+    }
+
+
+def keep(folder: Path, index: int, part: dict) -> None:
+    """Write a finished part, with the state in which it left the sensor."""
+    with atomic(folder / f"{index:04d}.h5") as temporary, new_file(temporary) as file:
+        for name, value in part.items():
+            file[name] = value
+
+
+def resume(folder: Path | None, event_sensor: EventSensor, mark: str) -> list[dict]:
+    """The parts that an interrupted call of the same mark has finished; the sensor goes on from the last."""
+    if folder is None:
+        return []
+    try:
+        if folder.exists() and not has_mark(folder / MARK, mark):
+            shutil.rmtree(folder)
+        folder.mkdir(exist_ok=True)
+        (folder / MARK).write_text(mark)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot write ({error.strerror}); choose another output folder") from None
+    finished = []
+    for path in sorted(folder.glob("*.h5")):
+        try:
+            with h5py.File(path) as file:
+                finished.append({name: file[name][()] for name in file})
+        except (ValueError, OSError, KeyError, RuntimeError):  # cut short: it is made anew
+            break
+    if finished:
+        event_sensor.restore(finished[-1])
+    return finished

@@ -1,0 +1,115 @@
+"""What the ``lmmap`` command does on the bench: simulate, photometry, train, reproduce."""
+
+from __future__ import annotations
+
+import json
+import sys
+from itertools import product
+
+from tqdm import tqdm
+
+from lmmap.files import check_output
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
+from lmmap.recordings.formats import WRITERS
+from lmmap.types import Camera, InputError
+
+from ..bench import laboratory, photometry, sequences
+from ..bench.simulate import record, record_all
+from ..provenance import CHECKOUT, DERIVED_DATA, save_json
+from ..studies import accuracy_run
+from ..training.recipe import Recipe
+from . import authors
+
+
+def simulate(a) -> None:
+    """Sequences of the bench to files."""
+    if a.as_published:
+        authors.simulate(a)
+        return
+    if not (a.sequence and a.output):
+        raise InputError("simulate: give --sequence NAME and -o FILE, or --as-published FOLDER")
+    if a.output.suffix not in WRITERS:
+        raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
+    if len(a.sequence) > 1 and "{}" not in a.output.name:
+        raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
+    paths = [a.output.with_name(a.output.name.replace("{}", name)) for name in a.sequence]
+    for path in paths:
+        for written in (path, path.with_suffix(".camera.json"), path.with_suffix(".truth.csv")):
+            check_output(written, [a.camera], overwrite=a.overwrite)
+    camera = Camera.load(a.camera) if a.camera else None
+    jobs = [(name, sequences.duration_s(laboratory.sequence(name), a.seconds, a.profile),
+             path) for name, path in zip(a.sequence, paths, strict=True)]  # fmt: skip
+    if a.jobs > 1 or a.scheduler:
+        if camera:
+            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
+        for path, events, frames in tqdm(
+            record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs), disable=None
+        ):
+            tqdm.write(f"{path}: {events} events, {frames} frames")
+        return
+    for name, seconds, path in jobs:
+        form = "{desc} {percentage:3.0f}% {bar} {elapsed}"
+        with tqdm(total=seconds, desc=name, bar_format=form, disable=None) as bar:
+            events, frames = record(name, seconds, path, lambda s, bar=bar: bar.update(s - bar.n), camera)
+            bar.update(seconds - bar.n)
+        print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
+
+
+def calibrate_lamps(a) -> None:
+    """Exposure and lamps."""
+    if a.output:
+        check_output(a.output, overwrite=a.overwrite)
+    result = photometry.calibrate_lamps(lambda line: print(line, file=sys.stderr))
+    if a.output:
+        save_json(a.output, result, command=f"lmmap photometry -o {a.output.name}")
+    print(json.dumps(result, indent=1))
+
+
+def train(a) -> None:
+    """The filters that were asked for, one after the other."""
+    if a.data:
+        authors.train(a)
+        return
+    from ..training import train
+
+    gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
+    names = [a.filter] if a.filter else FILTERS
+    modalities = [a.modality] if a.modality else CHANNELS
+    for gap, name, modality in product(gaps, names, modalities):
+        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
+        changes = {key: value for key, value in asked.items() if value is not None}
+        recipe = Recipe.of_shipped(name, modality, gap, **changes)
+        path = train.train(
+            recipe, DERIVED_DATA / "training", lambda line: print(line, flush=True), go_on=a.go_on
+        )
+        print(f"{path}: written")
+
+
+def reproduce(a) -> None:
+    """The accuracy study of a profile, or a folder of bags'."""
+    if not CHECKOUT:
+        raise InputError("reproduce: an installed package has no book and no pins; run it in a checkout")
+    paper = a.profile == "paper"
+    if a.go_on and (a.data or not paper):
+        raise InputError("--go-on: only the paper profile's results on the bench are packed; "
+                         "give --profile paper and no --data, or leave it out")  # fmt: skip
+    if a.data:
+        authors.reproduce(a)
+        return
+    if not paper:
+        accuracy_run.reproduce(a.profile, jobs=a.jobs)
+        return
+    from ..pages import gallery
+
+    changed = accuracy_run.reproduce(a.profile, jobs=a.jobs, pictures=gallery.save_tiles, go_on=a.go_on)
+    if changed or not (accuracy_run.COMMITTED / "worst.jpg").exists():
+        labels, empty = accuracy_run.labels_of(a.profile), accuracy_run.empty_labels(a.profile)
+        gallery.save_sheets(DERIVED_DATA / a.profile, accuracy_run.COMMITTED, labels, empty)
+
+
+def check(a) -> None:
+    """Results and pages beside the committed ones."""
+    from ..pages import reference
+
+    reference.check(a.update)

@@ -1,0 +1,185 @@
+"""What the chapter on failures shows: one image answered by the former estimator and by the present one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from lmmap.pipeline import agreement
+from lmmap.recordings.formats import open_recording, read_estimates
+from lmmap.types import Estimate, Port
+
+from ..studies.pose_errors import METRICS, MODALITIES, errors
+from ..studies.reliability import share_intervals
+from ..studies.right_and_wrong import is_wrong
+from .drawings import COLOUR
+from .gallery import paintings
+from .tables import CAMERAS, LIGHTS
+
+MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
+SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
+
+
+def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
+    """A row for each image with the ring in view, as the former estimator answered it and as ours does.
+
+    The former one is ours without the limit on the confidence: it reports doubtful poses as well.
+
+    Parameters
+    ----------
+    folder
+        With ``NAME.h5`` and ``estimates-LABEL.csv``.
+    labels
+        ``(sequence, modality)`` by label.
+
+    Returns
+    -------
+    DataFrame
+        ``sequence, modality, label, t_us, status``, `METRICS` and ``wrong``; the last two also with the
+        prefix ``former_``; and ``former``, the estimate itself.
+    """
+    parts = []
+    for label, (name, modality) in labels.items():
+        recording, now = (
+            open_recording(folder / f"{name}.h5"),
+            read_estimates(folder / f"estimates-{label}.csv"),
+        )
+        before = [e if e.doubtful is None else agreement.report(e, e.confidence, 0.0) for e in now]
+        columns = ["t_us", "status", "in_view", *METRICS]
+        table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
+        table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)
+        former = (
+            former[[*METRICS, "wrong"]].add_prefix("former_").assign(former=_of_times(before, table.t_us))
+        )
+        table = table.assign(sequence=name, modality=modality, label=label)
+        parts.append(table.join(former).query("in_view"))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _of_times(estimates: list[Estimate], times_us) -> list[Estimate]:
+    by_time = {e.t_us: e for e in estimates}
+    return [by_time[t_us] for t_us in times_us]
+
+
+def share_table(answers: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
+    """Right, wrong and absent poses in percent: a row per sequence of ``titles`` and camera."""
+    rows = []
+    for (name, modality), images in answers.groupby(["sequence", "modality"], sort=False):
+        cells = {"scene": titles[name], "camera": CAMERAS[modality], ("", "images"): len(images)}
+        for title, prefix in (("former", "former_"), ("present", "")):
+            pose, wrong = images[f"{prefix}position_error_m"].notna(), images[f"{prefix}wrong"].astype(bool)
+            shares = {"right": (pose & ~wrong).mean(), "wrong": wrong.mean(), "none": (~pose).mean()}
+            cells |= {(title, words): 100 * shares[key] for key, words in SHARES.items()}
+        rows.append(cells)
+    table = pd.DataFrame(rows).set_index(["scene", "camera"]).rename_axis(index=(None, None))
+    table.columns = pd.MultiIndex.from_tuples(table.columns)
+    return table[["former", "present", ""]]
+
+
+def looks_table(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Right and wrong poses in percent by the first look and by all, by table, light and camera.
+
+    Parameters
+    ----------
+    tables
+        By title: ``light``, ``camera``, ``looks``, ``right_percent``, ``wrong_percent`` and ``images``, of
+        which several rows of one cell count by their images.
+    """
+    every = pd.concat([table.assign(place=title) for title, table in tables.items()])
+    kinds = {"right_percent": "right (%)", "wrong_percent": "wrong (%)"}
+    weighted = every.assign(**{kind: every[kind] * every.images for kind in kinds})
+    sums = weighted.groupby(["place", "light", "camera", "looks"], sort=False)[[*kinds, "images"]].sum()
+    shares = sums[list(kinds)].div(sums.images, axis=0).rename(columns=kinds).unstack()
+    shares["", "images"] = sums.images.unstack().iloc[:, 0]
+    order = pd.MultiIndex.from_product([tables, LIGHTS, CAMERAS]).intersection(shares.index, sort=False)
+    shares = shares.loc[order].rename(index={**LIGHTS, **CAMERAS})
+    return shares.rename_axis(index=(None,) * 3, columns=(None, None))
+
+
+def seen_table(seen: pd.DataFrame) -> pd.DataFrame:
+    """Rings that a person sees and right poses, of ``images, seen, right`` by ``modality`` and ``light``."""
+    table = seen.assign(share=100 * seen.right / seen.seen)
+    table = table.set_index([table.modality.map(CAMERAS), table.light.map(LIGHTS)])
+    words = {"images": "images", "seen": "ring seen", "right": "pose right", "share": "right of seen (%)"}
+    return table[list(words)].rename(columns=words).rename_axis(index=(None, None))
+
+
+def cells_in_words(cells: pd.DataFrame) -> str:
+    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in high light."""
+    return ", ".join(f"{CAMERAS[c.modality]} in {LIGHTS[c.light]}" for c in cells.itertuples())
+
+
+def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool = True):
+    """Figure of `both_answers`' rows, a column each, cut out around the ring: the present answer, below the
+    ``former`` one."""
+    lines = ("former", "now") if former else ("now",)
+    fig, axes = plt.subplots(len(lines), len(rows), figsize=(7.6, 2.2 * len(lines)), squeeze=False)
+    at = {
+        (row.label, row.t_us): (column, row.former)
+        for column, row in zip(axes.T, rows.itertuples(), strict=True)
+    }
+    for key, paint in paintings(rows, folder, rate_hz, {}):
+        column, before = at[key]
+        for ax, line in zip(column, lines, strict=True):
+            paint(ax, answer=before if line == "former" else None, title=line)
+            (u, v), half = before.ellipse.centre_px, MARGIN * before.ellipse.semi_axes_px[0]
+            ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))
+    return fig
+
+
+def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
+    """Figure of `reliability.reliability`'s tables: the share of right poses over the confidence.
+
+    Parameters
+    ----------
+    panels
+        Tables by colour's name, by the panel's title.
+    """
+    fig, axes = plt.subplots(1, len(panels), figsize=(7.6, 3.6))
+    for ax, (title, tables) in zip(axes, panels.items(), strict=True):
+        ax.plot([0, 1], [0, 1], color=COLOUR["ink"], lw=0.8, ls="--")
+        least = 1.0
+        for side, (name, table) in zip((1, -1), tables.items(), strict=False):
+            ends = share_intervals(table)
+            ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
+                        color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
+            for row, end in zip(table.itertuples(), ends[:, 1 if side > 0 else 0], strict=True):
+                ax.annotate(f"{row.poses:,}", (row.confidence, end), (0, 5 * side),
+                            textcoords="offset points", ha="center", va="bottom" if side > 0 else "top",
+                            color=COLOUR[name], size="small")  # fmt: skip
+            least = min(least, ends.min(), table.confidence.min())
+        least = np.floor(10 * least) / 10
+        beyond = 1 + 0.15 * (1 - least)
+        ax.set(title=title, xlabel="confidence", xlim=(least, beyond),
+               ylim=(least - 0.05 * (1 - least), beyond))  # fmt: skip
+        ax.legend(loc="lower right")
+    axes[0].set_ylabel("share of right poses")
+    return fig
+
+
+def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
+    """Figure of right over wrong poses in a light, as the limit on the confidence varies: a curve a camera.
+
+    Parameters
+    ----------
+    limits
+        `right_and_wrong.by_limit` with ``light`` and ``modality``.
+    labelled
+        The limits that are written beside their dots.
+    """
+    fig, ax = plt.subplots(figsize=(7.0, 2.9))
+    for modality in MODALITIES:
+        rows = limits[(limits.light == light) & (limits.modality == modality)]
+        ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],
+                label=CAMERAS[modality])  # fmt: skip
+        for row in rows[rows.limit.isin(labelled)].itertuples():
+            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent), (5, -11),
+                        textcoords="offset points", color=COLOUR[modality], size="small")  # fmt: skip
+    ax.margins(0.08)
+    ax.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
+    ax.legend(loc="lower right")
+    return fig

@@ -1,0 +1,72 @@
+"""Drawings of the book's first page: the way from an image to a pose."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.run import images
+from lmmap.types import Camera, Ellipse, Recording
+
+from .drawings import COLOUR, draw_ellipse, draw_estimate, show_image
+
+AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
+# what a step does, what it gives, and its colour: see `draw_flow`
+FLOW = (
+    ("frame, or\n35 000 events", "image", "ink"), ("ring filter\n(CNN)", "mask", "event"),
+    ("skeleton,\nRANSAC", "ellipse", "rgb"), ("circle's\ncone", "two poses", "rgb"),
+    ("marker filter\n(CNN)", "mask", "event"), ("correlation\nwith CAD", "pose, yaw", "rgb"),
+    ("joint\nrefinement", "covariance", "truth"), ("outlier\nfilter", "trajectory", "rgb"),
+)  # fmt: skip
+
+
+def draw_flow(ax) -> None:
+    """Draw the pipeline as boxes: orange is learnt, blue is geometry, green is not in the paper."""
+    for k, (does, gives, colour) in enumerate(FLOW):
+        x, y = k % 4, -(k // 4)
+        box = {"boxstyle": "round,pad=0.45", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
+        arrow = {"arrowstyle": "->", "color": COLOUR["ink"]}
+        ax.text(x, y, does, ha="center", va="center", fontsize=9, bbox=box)
+        ax.annotate("", (x + 0.65, y), (x + 0.36, y), arrowprops=arrow)
+        ax.text(x + 0.5, y - 0.22, gives, ha="center", va="center", fontsize=8, style="italic")
+    ax.set(xlim=(-0.4, 3.9), ylim=(-1.4, 0.4))
+    ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
+    ax.set_axis_off()
+
+
+def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
+    """Draw image, ring mask with its ellipse, marker mask and pose, a row per modality, around the ring.
+
+    Returns
+    -------
+    tuple
+        The figure and the list of estimates.
+    """
+    fig, axes = plt.subplots(len(modalities), 4, figsize=(7.6, 1.65 * len(modalities)), squeeze=False)
+    answers = []
+    for row, modality in zip(axes, modalities, strict=True):
+        estimator = Estimator(recording.camera, modality=modality)
+        t_us, image = list(images(recording, modality))[-3]
+        answers.append(answer := estimator(image, t_us))
+        title = "RGB frame" if modality == "rgb" else f"{image.sum():,} events"
+        show_image(row[0], image, title)
+        show_image(row[1], estimator.ring_network(image), "ring filter, ellipse")
+        if answer.ellipse is not None:
+            draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
+            markers = estimator.find_reflectors(image, estimator.candidates(answer.ellipse))
+            show_image(row[2], markers, "marker filter")
+        draw_estimate(row[3], image, answer, estimator.port, recording.camera)
+        row[3].set_title("pose")
+        if answer.ellipse is not None:
+            _look_at(row, answer.ellipse, recording.camera)
+    return fig, answers
+
+
+def _look_at(axes, ellipse: Ellipse, camera: Camera) -> None:
+    """Let axes show the part of the image around an ellipse."""
+    tall = min(AROUND * ellipse.semi_axes_px[0], camera.height_px)
+    wide = min(4 / 3 * tall, camera.width_px)
+    left, top = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
+    for ax in axes:
+        ax.set(xlim=(left - 0.5, left + wide - 0.5), ylim=(top + tall - 0.5, top - 0.5))

@@ -1,0 +1,176 @@
+"""Model cards of the shipped sets of networks: what their files, and the results that are committed, say."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.rescale import trained_range_m
+from lmmap.pipeline.run import images
+from lmmap.pipeline.weights import FILTERS, load_card, load_network, set_hashes, weight_path
+from lmmap.settings import OURS
+from lmmap.types import Camera, Port, Recording
+
+from ..provenance import DATA
+from ..training import mask_quality
+from . import filters_page
+from .drawings import COLOUR
+from .tables import CAMERAS, LIGHTS
+
+NETWORKS = {"ring": "ring", "reflector": "markers"}
+LENSES = {  # for the range of distances
+    "DAVIS 346, 6 mm": Camera.davis346(),
+    "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
+    "focal length 162 px": Camera(346, 260, 162.0, 162.0, 172.5, 129.5),
+}
+
+
+def training(domain_gap: str) -> pd.DataFrame:
+    """A row for each network of a set, from its card."""
+    rows = []
+    for name in FILTERS:
+        for modality in CHANNELS:
+            path = weight_path(name, modality, domain_gap)
+            card = load_card(path)
+            kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
+            rows.append({
+                "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
+                "training sequences": ", ".join(kinds),
+                "images": card["training_images"], "steps": card["recipe"]["steps"],
+                "begun from": card["recipe"]["start_from"] or "chance",
+                "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def of_networks(table: str) -> str:
+    """In words, whether a table of data/results was made with the present `robust` networks."""
+    facts = json.loads((DATA / "results" / f"{table}.provenance.json").read_text())
+    if facts.get("networks") == set_hashes(OURS.weights):
+        return "of the present networks"
+    return f"of the networks before the last training (commit {facts['commit']})"
+
+
+def tests(domain_gap: str) -> pd.DataFrame:
+    """Right, wrong and missing poses of a set, by place, camera and light; empty where none were measured."""
+    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
+    chosen = table[(table.weights == domain_gap) & (table.estimator != "every pose")]
+    chosen = chosen[chosen.set.str.endswith(("held out", "judged once"))]
+    return pd.DataFrame({
+        "place": chosen.set.str.removesuffix(", held out"), "camera": chosen.modality.map(CAMERAS),
+        "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
+        "no pose (%)": chosen.none_percent, "images": chosen.images,
+    })  # fmt: skip
+
+
+def hardest(domain_gap: str) -> tuple[str, float]:
+    """Of the `tests` of a set, where the most images have no pose, in words, and in how many percent."""
+    table = tests(domain_gap)
+    row = table.loc[table["no pose (%)"].idxmax()]
+    place = row.place.removesuffix(", judged once")
+    return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
+
+
+def equal_training() -> pd.DataFrame:
+    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
+    seeds, and in brackets the least and the most."""
+    table = pd.read_csv(DATA / "results" / "equal-training.csv")
+    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
+    columns = {}
+    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
+        digits = 2 if name == "iou" else 0
+        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
+        wide = texts.unstack("domain_gap")
+        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
+    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
+    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
+
+
+def draw_equal_training(table: pd.DataFrame):
+    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
+    the high gap's, a dot for each seed."""
+    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
+    for ax, modality in zip(axes, CHANNELS, strict=True):
+        for shift, gap in ((-0.12, "low"), (0.12, "high")):
+            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
+            at = cells.light.map(list(LIGHTS).index) + shift
+            face = COLOUR[modality] if gap == "low" else "none"
+            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
+                       label=f"{gap} gap")  # fmt: skip
+        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
+        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
+        ax.legend(loc="lower left")
+    return fig
+
+
+def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:
+    """Of a recording with truth, each camera's image whose ring mask by a set overlaps least with the truth.
+
+    Parameters
+    ----------
+    most
+        So many images of each camera are looked at, spread evenly over those with the ring in view.
+
+    Returns
+    -------
+    For each camera ``(title, modality, image, true pose)``, as `filters_page.draw_masks` takes them.
+    """
+    quality = mask_quality.filter_quality(recording, (domain_gap,), most=most).query("filter == 'ring'")
+    pictures = []
+    for modality, rows in quality.groupby("modality", sort=False):
+        worst = rows.loc[rows.iou.idxmin()]
+        image = next(image for t_us, image in images(recording, modality) if t_us == worst.t_us)
+        title = f"{CAMERAS[modality]}, IoU {worst.iou:.2f}"
+        pictures.append((title, modality, image, recording.truth.at(np.array([worst.t_us], np.int64))[0]))
+    return pictures
+
+
+def draw_failures(domain_gap: str, recording: Recording, most: int = 10):
+    """Figure of the `worst_masks` of a set: each image, and beside it what its masks have wrong."""
+    networks = {
+        (name, m): load_network(weight_path(name, m, domain_gap), m) for name in FILTERS for m in CHANNELS
+    }
+    pictures = worst_masks(domain_gap, recording, most)
+    fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
+    filters_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
+    return fig
+
+
+def ranges() -> pd.DataFrame:
+    """From which to which distance the networks know the ring, by lens."""
+    near_far = {name: trained_range_m(camera, Port.lm_map()) for name, camera in LENSES.items()}
+    rows = [(name, f"{near:.2f} to {far:.2f}") for name, (near, far) in near_far.items()]
+    return pd.DataFrame(rows, columns=["lens", "distance of the port (m)"])
+
+
+def sensors() -> pd.DataFrame:
+    """Right and wrong poses by sensor, over all lights, of rings of a size that the networks know; in
+    brackets the 95 % interval of the comparison with the DAVIS 346."""
+    table = pd.read_csv(DATA / "results" / "sensors.csv").query("light == 'all' and ring != 'other'")
+    table = table.assign(order=pd.factorize(table.sensor)[0]).sort_values(
+        ["order", "modality", "ring"], ascending=[True, False, False]
+    )
+    ends = table[["gain_percent", "gain_percent_low", "gain_percent_high"]].to_numpy()
+    gains = ["" if np.isnan(row[0]) else "{:+d} ({:+d} to {:+d})".format(*map(round, row)) for row in ends]
+    texts = table[["right_percent", "wrong_percent", "images", "cpu_ms"]].map("{:.0f}".format)
+    right, wrong, images, time_ms = texts.to_numpy().T
+    return pd.DataFrame({
+        "sensor": table.sensor, "camera": table.modality.map(CAMERAS),
+        "ring": table.ring.replace({"trained": "known"}), "right (%)": right, "minus DAVIS 346": gains,
+        "wrong (%)": wrong, "images": images, "time (ms)": time_ms,
+    }).set_index(["sensor", "camera", "ring"])  # fmt: skip
+
+
+def formats() -> pd.DataFrame:
+    """What each command does with each format, as the tests found it."""
+    return pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
+
+
+def ring_range_px() -> tuple[float, float]:
+    """Smallest and largest semi-major axis of the ring in the training, in pixels."""
+    return OURS.trained_ring_px

@@ -1,0 +1,96 @@
+"""The dimensioned drawing of the port, of the chapter on port and frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.patches import Circle, Polygon, Rectangle
+
+from lmmap.types import Port
+
+from .drawings import COLOUR
+
+MM = 1e3
+RING, MARKER, PLATE = COLOUR["rgb"], COLOUR["event"], COLOUR["ink"]
+
+
+def draw_front(ax, port: Port) -> None:
+    """The port from the front, in millimetres: ring, plate, markers, and the frame's x and y axes."""
+    for radius_m in (port.ring_outer_radius_m, port.ring_inner_radius_m):
+        ax.add_patch(Circle((0, 0), radius_m * MM, fill=False, color=RING, lw=1.5))
+    corner = np.deg2rad(30 + 60 * np.arange(6))
+    hexagon_mm = port.plate_circumradius_m * MM * np.column_stack([np.cos(corner), np.sin(corner)])
+    ax.add_patch(Polygon(hexagon_mm, fill=False, color=PLATE))
+    for k, corners_m in enumerate(port.marker_corners_m()):
+        ax.add_patch(Polygon(corners_m[:, :2] * MM, color=MARKER, alpha=0.75, lw=0))
+        off_axis_mm = corners_m[[1, 2, 2, 3], :2].mean(0) * MM
+        ax.annotate(str(k), off_axis_mm, color="white", ha="center", va="center")
+    for tip, at, name in (((66, 0), (62, 7), "x"), ((0, 66), (7, 62), "y")):
+        ax.annotate("", tip, (0, 0), arrowprops={"arrowstyle": "->", "color": COLOUR["truth"], "lw": 1.6})
+        ax.annotate(name, at, color=COLOUR["truth"], ha="center", va="center")
+    end_mm = port.ring_radius_m * MM * np.array([np.cos(np.deg2rad(215)), np.sin(np.deg2rad(215))])
+    ax.annotate("", end_mm, (0, 0), arrowprops={"arrowstyle": "<->", "color": RING})
+    ax.annotate("ν", 0.78 * end_mm + [-5, 4], color=RING, ha="center")
+    ax.annotate(
+        "ring", (0, -86), (0, -112), color=RING, ha="center", arrowprops={"arrowstyle": "-", "color": RING}
+    )
+    ax.annotate(
+        "plate", hexagon_mm[4] * 0.98, (52, -104), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE}
+    )
+    ax.set(
+        xlim=(-100, 100),
+        ylim=(-120, 100),
+        aspect="equal",
+        xlabel="x (mm)",
+        ylabel="y (mm)",
+        title="from the front",
+    )
+
+
+def draw_side(ax, port: Port) -> None:
+    """The port in section through the axis, in millimetres: to the right is the visitor's side."""
+    half_mm, height_mm = port.plate_circumradius_m * MM, port.plate_height_m * MM
+    depth_mm = port.panel_depth_m * MM
+    ax.add_patch(Rectangle((-depth_mm - 8, -100), 8, 200, color=PLATE, alpha=0.25, lw=0))
+    for sign in (-1, 1):
+        inner, outer = sign * port.ring_inner_radius_m * MM, sign * port.ring_outer_radius_m * MM
+        ax.add_patch(
+            Rectangle((-depth_mm, min(inner, outer)), depth_mm, abs(outer - inner), color=PLATE, alpha=0.25)
+        )
+        ax.plot([0, 0], [inner, outer], color=RING, lw=4, solid_capstyle="butt")
+    stem_mm = port.stem_radius_m * MM
+    ax.add_patch(
+        Rectangle((-depth_mm, -stem_mm), height_mm + depth_mm, 2 * stem_mm, color=PLATE, alpha=0.25, lw=0)
+    )
+    ax.plot([height_mm] * 2, [-half_mm, half_mm], color=PLATE, lw=1.5)
+    middle_mm, side_mm = port.marker_radius_m * MM, port.marker_size_m[1] * MM / 2
+    ax.plot(
+        [height_mm] * 2, [middle_mm - side_mm, middle_mm + side_mm], color=MARKER, lw=4, solid_capstyle="butt"
+    )
+    base_mm = half_mm * np.cos(np.pi / 6)
+    ax.plot(
+        [height_mm, height_mm + port.petal_rise_m * MM],
+        [base_mm, base_mm + port.petal_lean_m * MM],
+        color=PLATE,
+    )
+    ax.annotate("", (96, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": COLOUR["truth"], "lw": 1.6})
+    ax.annotate("z, toward\nthe visitor", (80, -24), color=COLOUR["truth"], ha="center")
+    ax.annotate("", (height_mm, -72), (0, -72), arrowprops={"arrowstyle": "<->", "color": PLATE})
+    ax.annotate(f"{height_mm:.0f} mm", (height_mm / 2, -84), ha="center")
+    ax.annotate(
+        "petal",
+        (height_mm + 18, base_mm + 9),
+        (86, 86),
+        ha="center",
+        arrowprops={"arrowstyle": "-", "color": PLATE},
+    )
+    ax.annotate("marker 0", (height_mm + 1, middle_mm - 3), (88, 34), ha="center", color=MARKER,
+                arrowprops={"arrowstyle": "-", "color": MARKER})  # fmt: skip
+    ax.annotate("panel", (-13, -92), (12, -108), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE})
+    ax.set(
+        xlim=(-30, 112),
+        ylim=(-120, 100),
+        aspect="equal",
+        xlabel="z (mm)",
+        ylabel="x (mm)",
+        title="from the side",
+    )

@@ -1,0 +1,117 @@
+"""What the filters find in the published pictures: outlines and numbers; the pictures are the authors'."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.collections import PolyCollection
+
+from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.types import Ellipse, Port
+
+from .drawings import COLOUR, draw_ellipse
+from .tables import ANSWERS
+
+AROUND = 1.6  # half the width of a drawing, in semi-major axes of the ring
+
+
+def draw_outlines(outlines: Mapping[str, dict], titles: Mapping[str, str]):
+    """Figure with a column for each picture of ``titles`` and a row for each set of filters.
+
+    Parameters
+    ----------
+    outlines
+        By picture, as tuning/judge_pictures.py writes them.
+    """
+    size = (7.6, 7.6 / len(titles) * len(DOMAIN_GAPS) + 0.4)
+    fig, axes = plt.subplots(len(DOMAIN_GAPS), len(titles), figsize=size, squeeze=False)
+    for column, (name, title) in zip(axes.T, titles.items(), strict=True):
+        outer = _ellipse(outlines[name]["outer"])
+        for ax, gap in zip(column, DOMAIN_GAPS, strict=True):
+            _draw(ax, outlines[name][gap], outer)
+            ax.set_title(f"{title}\n{gap}" if ax is column[0] else gap, fontsize=8)
+    return fig
+
+
+def _draw(ax, outlines: dict, outer: Ellipse) -> None:
+    mask = [np.array([pair.split(",") for pair in text.split()], float) for text in outlines["mask"]]
+    ax.add_collection(PolyCollection(mask, facecolor="none", edgecolor=COLOUR["ours"], lw=0.7))
+    draw_ellipse(ax, outer, COLOUR["truth"], lw=1.2, ls="--")
+    if outlines["ellipse"] is not None:
+        port, ring = Port.lm_map(), _ellipse(outlines["ellipse"])
+        widen = port.ring_outer_radius_m / port.ring_radius_m
+        draw_ellipse(ax, Ellipse(ring.centre_px, widen * ring.semi_axes_px, ring.angle_rad), COLOUR["event"])
+    (u, v), half = outer.centre_px, AROUND * outer.semi_axes_px[0]
+    ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half), xticks=[], yticks=[], aspect="equal")
+    ax.spines[:].set_visible(False)
+    ax.set_label("outlines of the mask, the ring by hand and the ellipse")
+
+
+def _ellipse(values) -> Ellipse:
+    u, v, major, minor, angle_rad = values
+    return Ellipse(np.array([u, v]), np.array([major, minor]), angle_rad)
+
+
+def found_table(pictures: pd.DataFrame, what: pd.DataFrame) -> pd.DataFrame:
+    """A row per picture, a column per set of filters: what is found, and whether the ring is right.
+
+    Parameters
+    ----------
+    pictures
+        Rows of data/results/pictures.csv, one for each picture and set.
+    what
+        data/paper/pictures.csv by picture.
+    """
+    visible = pictures.groupby("picture").major_ratio.apply(lambda ratio: ratio.notna().any())
+    texts = pictures.assign(text=[_said(row) for row in pictures.itertuples()])
+    table = texts.pivot(index="picture", columns="filters", values="text")[list(DOMAIN_GAPS)]
+    order = visible.sort_values(ascending=False, kind="stable").index
+    return table.loc[order].rename(index=what.what).rename_axis(index=None, columns=None)
+
+
+def _said(row) -> str:
+    if np.isnan(row.contrast):
+        return ANSWERS[row.status]
+    if not row.ring_right:
+        return "a wrong ring"
+    return f"ring, {row.centre_px:.1f} px off" + (", pose" if row.pose_plausible else "")
+
+
+def draw_chain(ax) -> None:
+    """Camera, the arm's base and flange, and the port, with the transform that leads from each to the next.
+
+    Solid arrows are known when a bag is read, and dashed ones are not.
+    """
+    places = {"camera": (0.4, 1.9), "arm's base": (3.1, 0.3), "flange": (6.3, 1.1), "port": (7.9, 2.2)}
+    arm = np.array([places["arm's base"], (3.2, 1.3), (4.8, 2.1), (5.8, 1.5), places["flange"]])
+    ax.plot(*arm.T, color=COLOUR["ink"], lw=6, alpha=0.25, solid_capstyle="round")
+    for name, (x, y) in places.items():
+        ax.plot(x, y, "s", color=COLOUR["ink"], ms=8)
+        above = name == "port"
+        ax.text(x, y + (0.2 if above else -0.22), name, ha="center", va="bottom" if above else "top")
+    arrows = (
+        ("camera", "arm's base", "hand-eye file", "rgb", "-", -0.15),
+        ("arm's base", "flange", "the arm says (/tf)", "rgb", "-", -0.25),
+        ("flange", "port", "not published", "event", "--", 0.2),
+        ("camera", "port", "what our method measures", "truth", "-", -0.3),
+    )
+    for start, end, said, colour, style, bend in arrows:
+        path = {
+            "arrowstyle": "->",
+            "color": COLOUR[colour],
+            "ls": style,
+            "lw": 1.8,
+            "shrinkA": 9,
+            "shrinkB": 9,
+        }
+        ax.annotate("", places[end], places[start], arrowprops=path | {"connectionstyle": f"arc3,rad={bend}"})
+        (xa, ya), (xb, yb) = places[start], places[end]
+        middle = (xa + xb) / 2 + bend * (yb - ya) / 2, (ya + yb) / 2 - bend * (xb - xa) / 2
+        box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
+        ax.text(*middle, said, ha="center", va="center", fontsize=9, bbox=box)
+    ax.set(xlim=(-0.4, 8.6), ylim=(-0.4, 3.6))
+    ax.set_label("camera, base, flange and port, and the four transforms between them")
+    ax.set_axis_off()

@@ -1,0 +1,183 @@
+"""Training a filter: batches, steps, validation, checkpoints.
+
+The paper trains with Adam and binary cross-entropy, and cuts its data 80/20.  Our cut is by sequence, not by
+frame, so that no validation frame has a neighbour in training.  Ours are also: crops, most of them on
+positive pixels; flips and quarter turns; warm-up and a cosine; and the output bias at the class prior.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from lmmap.files import tune_allocator
+from lmmap.pipeline.network import CHANNELS, FilterNet, encode
+from lmmap.pipeline.weights import load_card, load_weights, save_weights, weight_path
+from lmmap.settings import PAPER
+
+from ..provenance import commit
+from . import augment, dataset
+from .checkpoint import resume, resume_from_weights, save_checkpoint
+from .recipe import Recipe
+
+CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
+VALIDATION_IMAGES = 128  # of the last check, spread evenly
+
+
+def make_batch(samples: dataset.Samples, recipe: Recipe, step: int):
+    """Crops of step ``step``.  They depend on the recipe's seed and the step alone, so that runs resume.
+
+    Returns
+    -------
+    input (B, C, S, S) f32, target (B, 1, S, S) f32
+    """
+    rng = np.random.default_rng([recipe.seed, step])
+    pairs = [_crop(samples, recipe, rng) for _ in range(recipe.batch)]
+    x, y = (np.stack([pair[i] for pair in pairs]) for i in (0, 1))
+    return encode(x, recipe.modality), torch.from_numpy(y).float().unsqueeze(1)
+
+
+def _crop(samples, recipe, rng):
+    """One varied crop and its mask."""
+    robust = recipe.domain_gap == "robust"
+    index, size = rng.integers(len(samples)), recipe.crop_px
+    mask, other = samples.mask(index), rng.integers(len(samples))
+    events = PAPER.events_per_window
+    if robust:
+        events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
+    corner = rng.integers(0, np.array(mask.shape) - size + 1)
+    positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
+    if len(positive):
+        pixel = np.array(np.unravel_index(positive[rng.integers(len(positive))], mask.shape))
+        corner = np.clip(pixel - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
+    window = tuple(slice(a, a + size) for a in corner)
+    image = samples.image(index, events)[window].astype(np.float32)
+    image, mask = augment.flip([image, mask[window]], rng)
+    if not robust:
+        return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
+    cover = samples.image(other, events)[window].astype(np.float32)
+    if samples.mask(other)[window].any():
+        cover = np.zeros_like(image)  # something plain and dark instead
+    vary = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
+    return vary(image, mask, cover, rng)
+
+
+def half_precision(device: torch.device):
+    """Autocast to bfloat16 on a GPU, and on processors with AVX-512; others emulate it, eight times slower
+    than float32."""
+    fast = device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
+    return torch.autocast(device.type, torch.bfloat16, enabled=fast)
+
+
+@torch.inference_mode()
+def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDATION_IMAGES) -> dict:
+    """Mean loss over the pixels of up to ``most`` images, and the intersection over union of all masks
+    together."""
+    net.eval()
+    device, loss, inter, union = next(net.parameters()).device, 0.0, 0, 0
+    indices = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
+    for i in indices:
+        x = encode(samples.image(i)[None], samples.modality).to(device, memory_format=torch.channels_last)
+        with half_precision(device):
+            logits = net(x)[0, 0].float()
+        target = torch.from_numpy(samples.mask(i)).to(device)
+        loss += F.binary_cross_entropy_with_logits(logits, target.float()).item() / len(indices)
+        inter += (target & (logits > 0)).sum().item()
+        union += (target | (logits > 0)).sum().item()
+    return {"loss": round(loss, 6), "iou": round(inter / max(union, 1), 4), "images": len(indices)}
+
+
+def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
+          every: int | None = None, go_on: bool = False,
+          network: Callable[[int, float], torch.nn.Module] = FilterNet,
+          validation_images: int = VALIDATION_IMAGES) -> Path:  # fmt: skip
+    """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
+
+    Parameters
+    ----------
+    folder
+        The training set, made where it is absent, and the checkpoints of shipped weights.
+    weights
+        Where to write, and where to keep checkpoints; default: where the package looks for weights.
+    names
+        Sequences; default: the domain gap's.
+    every
+        Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
+    go_on
+        Without a checkpoint, begin with the weights that are there, if they ended where the recipe restarts.
+        They have half precision and Adam's moments are lost, which the card then says.
+    network
+        Makes the network from its input channels and the share of positive pixels.  It takes images
+        (N, C, H, W) and returns logits (N, 1, H, W).
+    validation_images
+        Held-out images of the last check.
+    """
+    names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
+    dataset.make_samples(names, folder, report=report)
+    samples, held_out = (dataset.Samples(part, recipe.filter, recipe.modality, folder)
+                         for part in dataset.split(names))  # fmt: skip
+    prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
+    torch.manual_seed(recipe.seed)
+    tune_allocator()
+    net = network(CHANNELS[recipe.modality], prior)
+    run = f"{recipe.name}-{recipe.seed}" + (f"-{network.__name__}" if network is not FilterNet else "")
+    if recipe.start_from:
+        first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
+        net.load_state_dict(load_weights(first, recipe.modality))
+        run += f"-from-{load_card(first)['sha256'][:8]}"  # another start is another run
+    net = net.to(device, memory_format=torch.channels_last)
+    adam = torch.optim.Adam(net.parameters(), recipe.rate)
+    checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
+    start, curve = resume(checkpoint, net, adam, recipe)
+    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
+    if go_on and not start:
+        start, curve = resume_from_weights(path, net, recipe)
+    start_s, losses = time.monotonic(), []
+    with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
+        for step in range(start, recipe.steps):
+            losses.append(_step(net, adam, make_batch(samples, recipe, step), recipe, step))
+            last = step + 1 == recipe.steps
+            if last or (step + 1) % every == 0:
+                fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
+                curve.append({"step": step + 1, "training_loss": round(float(np.mean(losses)), 6), **fit})
+                checkpoint.parent.mkdir(parents=True, exist_ok=True)
+                save_checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
+                pace_s = (time.monotonic() - start_s) / (step + 1 - start)
+                left_min = pace_s * (recipe.steps - step - 1) / 60
+                report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou:.3f}, {:.0f} min left".format(
+                    recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
+                losses = []
+    path.parent.mkdir(parents=True, exist_ok=True)
+    card = {"command": recipe.command, "recipe": asdict(recipe), "commit": commit(),
+            "bench": samples.made_of(), "prior": round(prior, 6),
+            "training_sequences": samples.names, "validation_sequences": held_out.names,
+            "training_images": len(samples), "validation_images": len(held_out),
+            "device": device, "threads": torch.get_num_threads(), "torch": torch.__version__,
+            "curve": curve}  # fmt: skip
+    if network is not FilterNet:
+        card["network"] = network.__name__
+    save_weights(net, path, card)
+    return path
+
+
+def _step(net, adam, pair, recipe, step) -> float:
+    """Take one step of Adam; returns its loss."""
+    net.train()
+    for group in adam.param_groups:
+        warm_up = min((step + 1) / recipe.warm_up, 1)
+        group["lr"] = recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * recipe.phase(step)))
+    device = next(net.parameters()).device
+    x = pair[0].to(device, memory_format=torch.channels_last)
+    with half_precision(device):
+        logits = net(x)
+    loss = F.binary_cross_entropy_with_logits(logits.float(), pair[1].to(device))
+    adam.zero_grad()
+    loss.backward()
+    adam.step()
+    return loss.item()

@@ -1,0 +1,73 @@
+"""Rays against the CAD: what is hit where, and what hides what."""
+
+import numpy as np
+import pytest
+
+from lmmap.types import Port
+from lmmap_lab.bench import cad
+
+SOLID = cad.solid(Port.lm_map())
+
+
+def look_down(x, y, height=1.0):
+    t, what, *normal = cad.hit_port(SOLID, x, y, height, 1e-12, 1e-12, -1.0, np.inf)
+    return height - t, what, normal
+
+
+@pytest.mark.parametrize(
+    "x, y, surface, height",
+    [
+        (0.080, 0.0, cad.RING, 0.0),
+        (-0.080, 0.0, cad.RING, 0.0),
+        (0.0365, 0.0, cad.MARKER, 0.046),
+        (0.0365, 0.0254, cad.MARKER, 0.046),
+        (0.0365, 0.0256, cad.PLATE, 0.046),
+        (-0.0365, 0.0, cad.PLATE, 0.046),  # markers sit at 0, 120 and 240 deg
+        (0.0, 0.0, cad.PLATE, 0.046),
+    ],
+)
+def test_straight_down(x, y, surface, height):
+    hit_height, hit_surface, normal = look_down(x, y)
+    assert hit_surface == surface
+    assert hit_height == pytest.approx(height, abs=1e-9)
+    assert normal == [0, 0, 1]
+
+
+def test_between_plate_and_ring_is_only_the_panel():
+    assert look_down(-0.060, 0.0)[1] == cad.NOTHING
+    distance, *normal = cad.hit_panel(SOLID, -0.06, 0.0, 1.0, 1e-12, 1e-12, -1.0)
+    assert distance == pytest.approx(1.009)
+    assert normal == [0, 0, 1]
+
+
+def test_petal_rises_over_the_marker_side_and_hides_the_ring_behind_it():
+    height, surface, _ = look_down(0.055, 0.0)
+    port = Port.lm_map()
+    share = (0.055 - port.plate_circumradius_m * np.cos(np.pi / 6)) / port.petal_lean_m
+    assert surface == cad.PETAL
+    assert height == pytest.approx(port.plate_height_m + share * port.petal_rise_m, abs=1e-9)
+    direction = np.array([0.080, 0.0, 0.0]) - [-0.08, 0.0, 0.15]  # over the plate, down to the far ring
+    direction /= np.linalg.norm(direction)
+    hidden = cad.hit_port(SOLID, -0.08, 0.0, 0.15, *direction, np.inf)[1]
+    assert hidden in (cad.PLATE, cad.MARKER)
+
+
+def test_three_fold_symmetry(rng):
+    c, s = np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    for _ in range(300):
+        eye = rng.uniform([-0.3, -0.3, 0.2], [0.3, 0.3, 0.8])
+        ray = rng.uniform([-0.1, -0.1, 0], [0.1, 0.1, 0.05]) - eye
+        ray /= np.linalg.norm(ray)
+        hit = cad.hit_port(SOLID, *eye, *ray, np.inf)
+        turned_hit = cad.hit_port(SOLID, *(turn @ eye), *(turn @ ray), np.inf)
+        assert hit[1] == turned_hit[1]
+        if hit[1] != cad.NOTHING:
+            assert hit[0] == pytest.approx(turned_hit[0], abs=1e-9)
+
+
+def test_bounding_sphere_loses_nothing(rng):
+    """Every surface point of the port, seen from outside, is hit or hidden, never missed."""
+    a = rng.uniform(0, 2 * np.pi, 200)
+    for x, y in 0.0875 * np.stack([np.cos(a), np.sin(a)], -1):
+        assert look_down(x, y)[1] == cad.RING

@@ -1,0 +1,56 @@
+"""`DESIGN.md` names things that exist, and the wings that the imports' contract checks."""
+
+import importlib
+import re
+import tomllib
+
+import pytest
+
+from lmmap_lab.provenance import ROOT
+
+DESIGN = (ROOT / "DESIGN.md").read_text()
+STEPS = re.findall(
+    r"`lmmap/([\w/]+)\.py:(\w+)`", DESIGN.split("## The paper, step by step")[1].split("## ")[0]
+)
+
+
+def test_the_paper_has_its_table():
+    assert len(set(STEPS)) >= 18
+
+
+@pytest.mark.parametrize("file, name", sorted(set(STEPS)))
+def test_each_step_of_the_paper_is_where_the_table_says(file, name):
+    assert callable(getattr(importlib.import_module(f"lmmap.{file.replace('/', '.')}"), name))
+
+
+def test_the_wings_are_those_of_the_contract():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    layers = [set(re.findall(r"\w+", layer)) for layer in contracts[0]["layers"]]
+    rows = re.findall(r"^\| (`.+?`) \| ", DESIGN.split("## Wings")[1].split("## ")[0], re.M)
+    table = [set(re.findall(r"`(\w+)/?`", row)) for row in rows]
+    assert table[:-1] == [layer for layer in layers if not layer & table[-1]]
+    assert set().union(*table) == set().union(*layers)
+
+
+def test_each_promise_names_tests_that_exist():
+    section = DESIGN.split("## Promises")[1].split("## ")[0]
+    rows = [row for row in section.splitlines() if row.startswith("|")][2:]
+    assert len(rows) >= 15
+    for row in rows:
+        tests = re.findall(r"`(tests/[\w/]+\.py):(\w+)`", row)
+        assert tests, row
+        for file, name in tests:
+            assert f"\ndef {name}(" in (ROOT / file).read_text(), name
+        for script in re.findall(r"`(benchmarks/\w+\.py)`", row):
+            assert (ROOT / script).exists(), script
+
+
+def test_the_tuning_table_names_scripts_and_results_that_exist():
+    rows = re.findall(
+        r"^\| .+? \| `(\S+?\.py).*?` \| (.+) \|$", (ROOT / "tuning" / "README.md").read_text(), re.M
+    )
+    assert {script for script, _ in rows} >= {"choose_thresholds.py", "calibrate_uncertainty.py"}
+    for script, results in rows:
+        assert (ROOT / "tuning" / script).exists(), script
+        for path in re.findall(r"`(data/[\w/.-]+)`", results):
+            assert (ROOT / path).exists(), path

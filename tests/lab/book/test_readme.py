@@ -1,0 +1,48 @@
+"""What the README shows runs as it stands."""
+
+import re
+
+import pandas as pd
+import pytest
+
+from lmmap.settings import OURS
+from lmmap.types import Pose
+from lmmap_lab.provenance import DATA, ROOT
+from lmmap_lab.studies.pose_errors import LIGHTS
+
+
+def test_five_lines_of_python(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+    assert len([line for line in block.splitlines() if line.strip()]) <= 5
+    exec(compile(block, "README.md", "exec"), {"__name__": "readme"})
+    assert Pose.__name__ in capsys.readouterr().out
+
+
+def test_no_slot_is_left_open():
+    assert "@@" not in (ROOT / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    "place, light", [("other laboratory, judged once", None), ("bench, held out", "high")]
+)
+def test_its_shares_are_those_of_the_table(place, light):
+    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
+    cells = table[(table.set == place) & (table.estimator == "confident poses")]
+    cells = cells[(cells.weights == OURS.weights) & ((cells.light == light) | (light is None))]
+    right, wrong = (
+        round((cells[name] * cells.images / 100).sum()) for name in ("right_percent", "wrong_percent")
+    )
+    text = " ".join((ROOT / "README.md").read_text().split())
+    assert f"{right} of {cells.images.sum()} images have a right pose and {wrong} a wrong one" in text
+
+
+def test_its_shares_of_the_test_sequences_are_those_of_the_table():
+    table = pd.read_csv(DATA / "results" / "accuracy" / "default.csv")
+    test = table[table.light != "no port"].pivot(index="light", columns="modality")
+    right, wrong = test.right_percent.loc[list(LIGHTS)], test.wrong_percent.max()
+    text = " ".join((ROOT / "README.md").read_text().split())
+    words = {"rgb": "of the frames", "event": "of the histograms", "fused": "of the times"}
+    for modality, what in words.items():
+        assert f"{', '.join(f'{r:.0f}' for r in right[modality])} % {what}" in text
+        assert f"{wrong[modality]:.1f} % {what}" in text

@@ -1,0 +1,36 @@
+"""The filters chapter's table: each number where it belongs."""
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from conftest import facing_pose
+
+from lmmap_lab.bench.labels import label_masks
+from lmmap_lab.pages import filters_page
+
+
+def test_filters_stand_by_light_each_with_its_own_numbers():
+    of = product(("low", "high"), ("ring", "reflector"), ("rgb", "event"))
+    rows = [(light, f, m, "low", 0.1 * k, 1.0 * k) for k, (light, f, m) in enumerate(of)]
+    table = pd.DataFrame(rows, columns=["light", "filter", "modality", "domain_gap", "iou", "skeleton_px"])
+    wide = filters_page.filter_table(table).data
+    assert wide.shape == (4, 4)
+    words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
+    for light, f, m, gap, iou, skeleton_px in rows:
+        assert wide.loc[(gap, words[f], words[m]), ("IoU", light)] == iou
+        assert wide.loc[(gap, words[f], words[m]), ("skeleton (px)", light)] == skeleton_px
+
+
+def test_a_mask_is_judged_against_the_true_pose(port, camera):
+    T = facing_pose(0.4, 0.2, 0.1, [0.0, 0.0, 0.45])
+    ring, markers = label_masks(T, port, camera)
+    exact = {
+        ("ring", "rgb"): lambda _: ring.astype(np.float32),
+        ("reflector", "rgb"): lambda _: markers * 1.0,
+    }
+    empty = {key: lambda _: np.zeros(ring.shape, np.float32) for key in exact}
+    perfect = filters_page.judge_masks(None, "rgb", T, exact, port)
+    missed = filters_page.judge_masks(None, "rgb", T, empty, port)
+    assert len(np.unique(perfect.reshape(-1, 3), axis=0)) == 2  # right, and background
+    assert not np.array_equal(perfect[ring > 0][0], missed[ring > 0][0])

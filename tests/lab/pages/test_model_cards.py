@@ -1,0 +1,80 @@
+"""Model cards say what the weights' own cards and the committed results say."""
+
+import hashlib
+import json
+
+import pytest
+
+from lmmap.pipeline.ring import binarise
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, set_hashes, weight_path
+from lmmap.recordings.formats import FORMATS, open_recording
+from lmmap.settings import OURS
+from lmmap_lab.bench.labels import label_masks
+from lmmap_lab.pages import model_cards
+from lmmap_lab.provenance import DATA
+from lmmap_lab.training.mask_quality import iou
+
+
+@pytest.mark.parametrize("domain_gap", DOMAIN_GAPS)
+def test_each_network_is_named_by_the_hash_of_its_file(domain_gap):
+    table = model_cards.training(domain_gap)
+    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in ("rgb", "event")]
+    assert table.sha256.tolist() == [hashlib.sha256(p.read_bytes()).hexdigest()[:12] for p in paths]
+    assert table["validation IoU"].between(0, 1).all()
+
+
+@pytest.mark.parametrize("domain_gap", ["low", "robust"])
+def test_every_tested_image_is_right_wrong_or_has_no_pose(domain_gap):
+    table = model_cards.tests(domain_gap)
+    assert len(table) >= 6
+    assert table[["right (%)", "wrong (%)", "no pose (%)"]].sum(axis=1).to_numpy() == pytest.approx(
+        100, abs=1e-3
+    )
+
+
+def test_the_distance_range_shrinks_with_the_focal_length():
+    near, far = model_cards.ranges()["distance of the port (m)"].iloc[[0, -1]]
+    assert [float(x) for x in near.split(" to ")] == pytest.approx(
+        [2 * float(x) for x in far.split(" to ")], abs=0.02
+    )
+    assert model_cards.ring_range_px() == OURS.trained_ring_px
+
+
+def test_every_format_has_its_row():
+    assert model_cards.formats()["format"].tolist() == [what for what, *_ in FORMATS]
+
+
+def test_the_trained_sensor_is_the_first_row():
+    table = model_cards.sensors()
+    assert table.index[0] == ("DAVIS 346", "frames", "known")
+    for (sensor, _, ring), gain in table["minus DAVIS 346"].items():
+        assert bool(gain) == (sensor != "DAVIS 346" and ring == "known")
+
+
+def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
+    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    pictures = model_cards.worst_masks("low", recording, 2)
+    assert [modality for _, modality, *_ in pictures] == ["rgb", "event"]
+    for title, modality, image, T_cam_port in pictures:
+        mask = binarise(load_network(weight_path("ring", modality, "low"), modality)(image))
+        overlap = iou(mask, label_masks(T_cam_port, port, recording.camera)[0])
+        assert title.endswith(f"IoU {overlap:.2f}")
+
+
+@pytest.mark.parametrize("domain_gap", ["low", "robust"])
+def test_no_cell_is_harder_than_the_hardest(domain_gap):
+    where, percent = model_cards.hardest(domain_gap)
+    table = model_cards.tests(domain_gap)
+    (row,) = table[table["no pose (%)"] == percent].head(1).itertuples()
+    assert (table["no pose (%)"] <= percent).all()
+    assert row.camera in where and f"{row.light} light" in where
+
+
+def test_a_table_says_whether_it_is_of_the_present_networks(tmp_path, monkeypatch):
+    monkeypatch.setattr(model_cards, "DATA", tmp_path)
+    (tmp_path / "results").mkdir()
+    for facts, words in (({"networks": set_hashes(OURS.weights), "commit": "abc"}, "present"),
+                         ({"networks": set_hashes("low"), "commit": "abc"}, "before"),
+                         ({"commit": "abc"}, "commit abc")):  # fmt: skip
+        (tmp_path / "results" / "t.provenance.json").write_text(json.dumps(facts))
+        assert words in model_cards.of_networks("t")

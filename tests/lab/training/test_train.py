@@ -1,0 +1,283 @@
+"""Training: the batches, and a run that was killed and went on."""
+
+import json
+import resource
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+import torch
+import toy_training
+from safetensors import safe_open
+from safetensors.torch import load_file
+
+from lmmap.pipeline import network, weights
+from lmmap.pipeline.weights import weight_path
+from lmmap.types import InputError
+from lmmap_lab.training import augment, dataset, train
+from lmmap_lab.training.recipe import Recipe
+
+
+@pytest.fixture
+def toy(tmp_path, monkeypatch, rng):
+    """Ten sequences of two small images with a bright square as the ring."""
+    names = toy_training.write_samples(tmp_path, rng)
+    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.DOMAIN_GAPS})
+    monkeypatch.setattr(weights, "WEIGHTS", tmp_path)
+    return tmp_path
+
+
+def quiet(line):
+    pass
+
+
+@pytest.mark.parametrize("gap", ["low", "robust"])
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_batches_are_a_function_of_seed_and_step(toy, gap, modality):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", modality, toy)
+    recipe = Recipe("ring", modality, gap, batch=4, crop_px=48)
+    x, y = train.make_batch(samples, recipe, 7)
+    assert x.shape == (4, network.CHANNELS[modality], 48, 48)
+    assert y.shape == (4, 1, 48, 48)
+    assert set(y.unique().tolist()) <= {0, 1}
+    again = train.make_batch(samples, recipe, 7)
+    assert torch.equal(x, again[0])
+    assert torch.equal(y, again[1])
+    assert not torch.equal(x, train.make_batch(samples, recipe, 8)[0])
+
+
+def test_masks_follow_their_images(toy):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+    x, y = train.make_batch(samples, Recipe("ring", "event", batch=8), 3)
+    assert torch.equal(x > 0.5, y > 0.5)
+
+
+def test_most_crops_hold_positives(toy):
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+
+    def share(positive):
+        recipe = Recipe("ring", "event", batch=40, crop_px=24, positive_crops=positive)
+        return train.make_batch(samples, recipe, 0)[1].amax((1, 2, 3)).mean()
+
+    assert share(1.0) == 1
+    assert share(0.0) < 0.6
+
+
+@pytest.mark.parametrize("gap", ["low", "robust"])
+def test_a_killed_run_ends_as_an_unbroken_one(toy, gap):
+    recipe = Recipe("ring", "event", gap, steps=6, batch=2)
+
+    def final(stop_at=None):
+        for path in toy.glob("*.ckpt.safetensors"):
+            path.unlink()
+        if stop_at:
+            _run(recipe, toy, stop_at)
+        path = train.train(recipe, toy, quiet)
+        last = json.loads(path.with_suffix(".json").read_text())["curve"][-1]
+        return path.read_bytes(), last["loss"], last["iou"]
+
+    assert final(stop_at=4) == final()
+
+
+def _run(recipe, folder, steps):
+    """The first steps of a run, ended by an exception one step after its checkpoint."""
+
+    class Killed(Exception):
+        pass
+
+    original = train.make_batch
+
+    def batch(samples, recipe, step):
+        if step == steps:
+            raise Killed
+        return original(samples, recipe, step)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(train, "make_batch", batch)
+        with pytest.raises(Killed):
+            train.train(recipe, folder, quiet, every=steps - 1)
+
+
+def test_a_restart_goes_on_from_the_ended_run_and_equals_the_unbroken_one(toy):
+    def weights(recipe):
+        return train.train(recipe, toy, quiet).read_bytes()
+
+    ended = Recipe("ring", "event", steps=3, batch=2, warm_up=1)
+    longer = Recipe("ring", "event", steps=5, batch=2, warm_up=1, restart=(3,))
+    longest = Recipe("ring", "event", steps=6, batch=2, warm_up=1, restart=(3, 5))
+    weights(ended)
+    resumed = weights(longer)
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    assert weights(longer) == resumed
+    resumed = weights(longest)
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    assert weights(longest) == resumed
+    assert longest.command.endswith("--restart 3 5")
+    assert [longer.phase(step) for step in range(5)] == [0, 1 / 3, 2 / 3, 0, 1 / 2]
+    for restart, said in (((5,), "--restart 5"), ((0,), "--restart 0"), ((3, 2), "--restart 3 2")):
+        with pytest.raises(InputError, match=said):
+            Recipe("ring", "event", steps=5, restart=restart)
+
+
+def test_without_its_checkpoint_a_longer_run_can_go_on_from_the_weights(toy):
+    ended = Recipe("ring", "event", steps=3, batch=2, warm_up=1)
+    longer = Recipe("ring", "event", steps=4, batch=2, warm_up=1, rate=1e-9, restart=(3,))
+    train.train(replace(ended, rate=longer.rate), toy, quiet)
+    path = weight_path("ring", "event")
+    first, sha256 = weights.load_weights(path, "event"), weights.load_card(path)["sha256"]
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    train.train(longer, toy, quiet, go_on=True)
+    last, curve = weights.load_weights(path, "event"), weights.load_card(path)["curve"]
+    assert all(torch.allclose(first[k], last[k], atol=1e-6) for k in first)
+    assert [p["step"] for p in curve] == [3, 4] and curve[0]["went_on_from"] == sha256
+    (toy / "ring-event-low-0.ckpt.safetensors").unlink()
+    with pytest.raises(InputError, match="leave out --go-on"):
+        train.train(longer, toy, quiet, go_on=True)  # these are its own
+
+
+def test_another_start_is_another_run(toy):
+    """A robust set whose low one was trained anew must not end as the old one did."""
+    robust = Recipe("ring", "event", "robust", steps=2, batch=2, start_from="low")
+    seen = []
+    for seed in (0, 1):
+        train.train(Recipe("ring", "event", "low", seed=seed, steps=2, batch=2), toy, quiet)
+        seen.append(train.train(robust, toy, quiet).read_bytes())
+    assert seen[0] != seen[1]
+    assert len(list(toy.glob("ring-event-robust-0-from-*.ckpt.safetensors"))) == 2
+
+
+def test_another_recipe_does_not_resume_and_a_damaged_checkpoint_is_one_clear_error(toy):
+    first = Recipe("ring", "event", steps=1, batch=2)
+    train.train(first, toy, quiet)
+    path = toy / "ring-event-low-0.ckpt.safetensors"
+    with safe_open(path, "pt") as file:  # tensors and text: nothing that runs
+        assert json.loads(file.metadata()["recipe"])["steps"] == 1
+    other = Recipe("ring", "event", steps=2, batch=2)
+    curve = json.loads(train.train(other, toy, quiet).with_suffix(".json").read_text())["curve"]
+    assert [p["step"] for p in curve] == [2]
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(InputError, match="no readable checkpoint"):
+        train.train(other, toy, quiet)
+
+
+@pytest.mark.parametrize("limit", [10_000, 4_000_000])
+def test_a_full_disk_is_one_clear_error_and_costs_neither_weights_nor_checkpoint(toy, limit):
+    """A limit on the size of files stands for the disk.  The second cuts the checkpoint alone."""
+    first = train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet)
+    files = [first, first.with_suffix(".json"), *toy.glob("*.ckpt.safetensors")]
+    before = [path.read_bytes() for path in files]
+    net = network.FilterNet(1, 0.1)
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        with pytest.raises(InputError, match="cannot write"):
+            train.train(Recipe("ring", "event", steps=2, batch=2), toy, quiet)
+        if limit < len(before[0]):
+            with pytest.raises(InputError, match="cannot write"):
+                weights.save_weights(net, first, {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    assert [path.read_bytes() for path in files] == before
+    assert not list(toy.glob(".*"))
+
+
+def test_a_disk_that_is_full_before_the_card_keeps_the_old_weights(toy, monkeypatch):
+    path = train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet)
+    before = path.read_bytes(), path.with_suffix(".json").read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(path), "write_text", full)
+    with pytest.raises(InputError, match="No space left"):
+        weights.save_weights(network.FilterNet(2, 0.1), path, {})
+    assert (path.read_bytes(), path.with_suffix(".json").read_bytes()) == before
+
+
+@pytest.mark.parametrize("modality", ["rgb", "event"])
+def test_learns_a_bright_square_and_says_how(toy, modality):
+    lines = []
+    recipe = Recipe("ring", modality, steps=40, batch=8, warm_up=5)
+    path = train.train(recipe, toy, lines.append)
+    card = json.loads(path.with_suffix(".json").read_text())
+    assert card["curve"][-1]["iou"] > 0.6
+    assert card["command"] == recipe.command
+    assert card["training_images"] == 16
+    assert card["bench"] == "toy"
+    assert "step 40 of 40" in lines[-1]
+    image = dataset.Samples(["augmented-4"], "ring", modality, toy).image(0)
+    assert weights.load_network(path, modality)(image).shape == toy_training.SHAPE
+
+
+def test_a_run_may_start_from_other_weights(toy):
+    train.train(Recipe("ring", "event", "low", steps=3, batch=2), toy, quiet)
+    recipe = Recipe("ring", "event", "robust", steps=1, batch=2, rate=0.0, start_from="low")
+    path = train.train(recipe, toy, quiet)
+    first, last = (
+        weights.load_weights(toy / f"ring-event-{gap}.safetensors", "event") for gap in ("low", "robust")
+    )
+    assert all(torch.equal(first[k], last[k]) for k in first)
+    assert weights.load_card(path)["command"].endswith("--start-from low")
+
+
+class TinyNet(torch.nn.Conv2d):
+    """A filter of one convolution."""
+
+    def __init__(self, channels, prior=0.5):
+        super().__init__(channels, 1, 3, padding=1)
+        torch.nn.init.constant_(self.bias, np.log(prior / (1 - prior)))
+
+
+def test_checkpoints_of_weights_elsewhere_stay_with_them(toy, tmp_path):
+    """A script that trains variants does not end, or begin anew, the training of a shipped filter."""
+    train.train(Recipe("ring", "event", steps=1, batch=2), toy, quiet, tmp_path / "own" / "a.safetensors")
+    assert not list(toy.glob("ring-event-low-0.ckpt.*"))
+    assert (tmp_path / "own" / "ring-event-low-0.ckpt.safetensors").exists()
+
+
+def test_another_network_trains_and_is_another_run(toy):
+    recipe, paths = Recipe("ring", "event", steps=2, batch=2), [toy / f"{n}.safetensors" for n in "ab"]
+    for path in paths:  # the second run goes on from the first one's checkpoint, which was at its end
+        train.train(recipe, toy, quiet, path, network=TinyNet)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    tensors = load_file(paths[0])
+    assert {name: tuple(t.shape) for name, t in tensors.items()} == {"weight": (1, 1, 3, 3), "bias": (1,)}
+    card = weights.load_card(paths[0])
+    assert card["network"] == "TinyNet" and [point["step"] for point in card["curve"]] == [2]
+    torch.manual_seed(recipe.seed)
+    first = TinyNet(1, card["prior"]).weight.detach()
+    assert (tensors["weight"].float() - first).abs().max() > 1e-6  # two steps have moved it
+    ours = train.train(recipe, toy, quiet)
+    assert "network" not in weights.load_card(ours) and len(load_file(ours)) > 2
+
+
+def test_a_recipe_refuses_what_it_does_not_know():
+    with pytest.raises(ValueError, match="filter is one of"):
+        Recipe("rings", "event")
+    with pytest.raises(InputError, match="at least 1"):
+        Recipe("ring", "event", steps=0)
+
+
+def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
+    """Only the robust set varies N."""
+    asked = []
+    original = dataset.Samples.image
+    monkeypatch.setattr(dataset.Samples, "image", lambda self, i, n: asked.append(n) or original(self, i, n))
+    samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
+    train.make_batch(samples, Recipe("ring", "event", "low", batch=4), 0)
+    assert set(asked) == {train.PAPER.events_per_window}
+    asked.clear()
+    train.make_batch(samples, Recipe("ring", "event", "robust", batch=4), 0)
+    low, high = np.array(augment.HISTOGRAM_EVENTS) * train.PAPER.events_per_window
+    assert len(set(asked)) == 4
+    assert low <= min(asked) < max(asked) <= high
+
+
+def test_what_ships_is_made_by_the_default_command():
+    """`lmmap train` without --steps repeats each shipped card's training."""
+    for card in sorted(weights.WEIGHTS.glob("*.json")):
+        recipe = json.loads(card.read_text())["recipe"]
+        asked = recipe["filter"], recipe["modality"], recipe["domain_gap"]
+        default = Recipe.of_shipped(*asked)
+        made = json.loads(json.dumps(asdict(default)))
+        assert {key: made[key] for key in recipe} == recipe

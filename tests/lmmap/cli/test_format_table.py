@@ -1,0 +1,118 @@
+"""The book's table of formats is what the commands do with a small file of each.
+
+    python tests/cli/test_format_table.py
+
+writes data/results/formats.csv anew.
+"""
+
+import contextlib
+import io
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import cv2
+import pandas as pd
+import pytest
+import test_every_format as every
+
+from lmmap.cli import main
+from lmmap.recordings.formats import FORMATS, open_recording, write_trajectory
+from lmmap.types import Recording
+from lmmap_lab.provenance import DATA
+
+TABLE = DATA / "results" / "formats.csv"
+MEANS = {True: "yes", False: "no"}
+
+
+@cache
+def short() -> Recording:
+    """A quarter of a second of the committed recording, its times from 0."""
+    r = open_recording(every.MINI)
+    early, stop_us = r.frames_t_us < r.frames_t_us[0] + 150_000, r.events["t_us"][0] + 150_000
+    events = r.events[r.events["t_us"] < stop_us]
+    return Recording(r.name, r.camera, events, r.frames[early], r.frames_t_us[early], r.truth)
+
+
+def picture(path, r):
+    cv2.imwrite(str(path), r.frames[0][..., ::-1])
+
+
+def video(path, r):
+    codec = {".mp4": "mp4v", ".mov": "mp4v"}.get(path.suffix, "MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), 20, r.camera.size_px)
+    for frame in r.frames:
+        writer.write(frame[..., ::-1])
+    writer.release()
+
+
+FILES = {  # a file of each of FORMATS, in their order, and what it is estimated from
+    "e.aedat4": (every.ours, "event"), "e.bag": (every.ours, "event"), "bag": (every.EVENTS["bag2"], "event"),
+    "e.raw": (every.EVENTS["evt3.raw"], "event"), "e.dat": (every.dat, "event"),
+    "e.hdf5": (every.prophesee_hdf5, "event"), "e.es": (every.es, "event"),
+    "e.txt": (every.text, "event"), "e.csv": (every.csv, "event"),
+    "e.npy": (every.npy, "event"), "pictures": (every.folder, "rgb"), "p.png": (picture, "rgb"),
+    "v.mp4": (video, "rgb"),
+}  # fmt: skip
+
+
+def works(*arguments) -> tuple[int, str]:
+    """The exit code of a command and what it wrote to the error stream."""
+    with contextlib.redirect_stderr(io.StringIO()) as err, contextlib.redirect_stdout(io.StringIO()):
+        return main.main([str(a) for a in arguments]), err.getvalue()
+
+
+def spoil(path: Path) -> None:
+    """The first half of a file, or of the largest one of a folder, without its first 64 bytes."""
+    if path.is_dir():
+        path = max((p for p in path.iterdir() if p.suffix != ".yaml"), key=lambda p: p.stat().st_size)
+    content = path.read_bytes()
+    path.write_bytes(bytes(64) + content[64 : len(content) // 2])
+
+
+def tried(name: str, place: Path) -> dict[str, str]:
+    """What each command does with a file."""
+    write, modality = FILES[name]
+    r, path, camera, truth = short(), place / name, place / "camera.json", place / "truth.csv"
+    write(path, r)
+    r.camera.save(camera)
+    write_trajectory(r.truth, truth)
+    used = path, "--camera", camera
+    try:
+        read = open_recording(path, camera)
+        done = {"read": len(read.events) + len(read.frames) > 0}
+    except Exception:  # whatever it is, the table says it
+        done = {"read": False}
+    done["info"] = works("info", *used)[0] == 0
+    done["estimate"] = works("estimate", *used, "--modality", modality, "-o", place / "o.csv")[0] == 0
+    done["evaluate"] = works("evaluate", *used, "--modality", modality, "--truth", truth)[0] == 0
+    spoil(path)
+    code, err = works("estimate", *used, "--modality", modality, "-o", place / "p.csv")
+    lines = [line for line in err.splitlines() if line.startswith("lmmap: ") and path.name in line]
+    done["bad input is one line"] = code == 1 and len(lines) == 1
+    return {"name": name, "images": modality} | {k: MEANS[v] for k, v in done.items()}
+
+
+def row(k: int, place: Path) -> dict[str, str]:
+    what, suffixes, _ = FORMATS[k]
+    name = list(FILES)[k]
+    assert (Path(name).suffix or "folder") in suffixes or "." not in name
+    return {"format": what, "name ends in": " ".join(suffixes)} | tried(name, place)
+
+
+@pytest.mark.parametrize("k", range(len(FORMATS)), ids=[f[0] for f in FORMATS])
+def test_the_table_says_what_the_commands_do(tmp_path, k):
+    table = pd.read_csv(TABLE, dtype=str)
+    assert len(table) == len(FORMATS) == len(FILES)
+    made = row(k, tmp_path)
+    assert made == table.iloc[k].to_dict()
+    assert "no" not in made.values()
+
+
+if __name__ == "__main__":
+    rows = []
+    for k in range(len(FORMATS)):
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(row(k, Path(folder)))
+    pd.DataFrame(rows).to_csv(TABLE, index=False)
+    print(pd.DataFrame(rows).to_string())
