@@ -12,9 +12,11 @@ import numpy as np
 import plain
 import torch
 
+from lmmap.pipeline.circle import candidates
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.image_estimator import markers_box_px
+from lmmap.pipeline.masks import markers_box_px, reflector_mask
 from lmmap.pipeline.network import PRECISIONS, best_precision
+from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.formats import open_recording
@@ -33,7 +35,9 @@ def main():
         exact = ours["float32"]
         nets = plain.nets(modality)
         _, image = list(images(recording, modality))[-5]
-        candidates = exact.candidates(exact.find_ring(exact.ring_network(image))[0].ellipse)
+        port, camera = exact.port, exact.grid
+        ring = find_ring(exact.ring_network(image), port, camera, exact.settings)
+        circles = candidates(ring.ellipse, camera, port.ring_radius_m)
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):
             start = time.perf_counter()
@@ -44,10 +48,10 @@ def main():
                 start = time.perf_counter()
                 masks[precision] = [
                     estimator.ring_network(image),
-                    estimator.find_reflectors(image, candidates),
+                    reflector_mask(estimator.reflector_network, image, circles, port, camera),
                 ]
                 seconds[precision].append(time.perf_counter() - start)
-        box = markers_box_px(candidates, exact.port, recording.camera)
+        box = markers_box_px(circles, port, camera)
         (left, top), (right, bottom) = (np.maximum(edge, 0).astype(int) for edge in box)
         inside = np.s_[top:bottom, left:right]
         ms = {name: 1e3 * np.median(s) for name, s in seconds.items()}

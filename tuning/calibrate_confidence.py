@@ -29,7 +29,6 @@ import wrong_poses
 from choose_thresholds import right
 from scipy.spatial.transform import Rotation
 
-from lmmap.pipeline import agreement
 from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
@@ -183,7 +182,7 @@ def answers(rows: list[Sights], fitted: Settings, settings: Settings) -> Iterato
     def judged(sight: Sight):
         e = sight.estimate
         if sight.evidence is not None:
-            e = agreement.report(e, float(verify.confidence(sight.evidence, fitted)), 0.0)
+            e = e.judged(float(verify.confidence(sight.evidence, fitted)), 0.0)
         return e, sight.right
 
     told = {key: Told(key[0], looks_of(key[1], settings)) for key in {row[3:5] for row in rows}}

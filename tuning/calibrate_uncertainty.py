@@ -22,8 +22,10 @@ from scipy.stats import chi2
 from tqdm import tqdm
 
 from lmmap.geometry.port import in_view
-from lmmap.pipeline import yaw
+from lmmap.pipeline import circle, refine, yaw
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.masks import reflector_mask
+from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import images
 from lmmap.recordings.formats import open_recording, write_recording
 from lmmap.refinement import joint, uncertainty
@@ -51,15 +53,15 @@ def recording(name: str):
 
 def measured(estimator: Estimator, name: str):
     """Contours, reflector masks, yaw fits and true poses of a sequence."""
-    seen = recording(name)
+    seen, port, camera = recording(name), estimator.port, estimator.grid
     for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
         truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0]
-        ring, _ = estimator.find_ring(estimator.ring_network(image))
-        if not (isinstance(ring, Contour) and in_view(truth, estimator.port, seen.camera)):
+        ring = find_ring(estimator.ring_network(image), port, camera, estimator.settings)
+        if not (isinstance(ring, Contour) and in_view(truth, port, camera)):
             continue
-        candidates = estimator.candidates(ring.ellipse)
-        reflectors = estimator.find_reflectors(image, candidates)
-        fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, seen.camera)
+        circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)
+        reflectors = reflector_mask(estimator.reflector_network, image, circles, port, camera)
+        fit = yaw.fast_yaw(reflectors, circles[:2], port, camera)
         if fit.score >= estimator.settings.min_marker_score:
             yield ring, reflectors, fit, truth
 
@@ -140,7 +142,7 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
             turned.append(difference(T, truth, port)[3:] @ T.normal)
             if fit.yaw_margin >= OURS.min_yaw_margin:
                 yaw_ratio.append(abs(turned[-1]) * OURS.yaw_inflation / fit.sigma_rad)
-    inflated_px = np.array([estimator.sigma_px(ring) for ring, *_ in cases])
+    inflated_px = np.array([refine.sigma_px(ring, modality) for ring, *_ in cases])
     sigma_px = inflated_px / np.sqrt(OURS.ring_inflation[modality])
     rings = of_rings(cases, nearer, sigma_px, port, camera)
     constant = of_rings(cases, nearer, [ring.sigma_px for ring, *_ in cases], port, camera)
@@ -170,7 +172,9 @@ def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:
     """Of the poses that the module gives, by light: how many true ones lie inside the 95 % region."""
     rows = []
     for (ring, reflectors, fit, truth), light in zip(cases, lights, strict=True):
-        T, covariance, _ = estimator.refine(fit, ring, reflectors)
+        T, covariance, _ = refine.on_masks(
+            fit, ring, reflectors, estimator.port, estimator.grid, estimator.modality
+        )
         d = difference(T, truth, estimator.port)
         (nees,) = mahalanobis(d[None], covariance[None])
         inside = nees < chi2.ppf(0.95, 6)

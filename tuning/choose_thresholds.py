@@ -19,8 +19,10 @@ from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
 from lmmap.geometry.port import in_view
-from lmmap.pipeline import agreement, yaw
+from lmmap.pipeline import agreement, circle, yaw
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.masks import reflector_mask
+from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import images
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
@@ -54,17 +56,18 @@ def right(T: Pose, truth: Pose, port: Port) -> bool:
 
 def answers(estimator: Estimator, image, truth) -> list[dict]:
     """The outcome with each threshold of the masks, and the markers' score that decides."""
+    port, camera = estimator.port, estimator.grid
     rows, ring_mask = [], estimator.ring_network(image)
     for threshold, share in CUTS:
         estimator.settings = replace(estimator.settings, mask_threshold=threshold, peak_share=share)
-        ring, _ = estimator.find_ring(ring_mask)
+        ring = find_ring(ring_mask, port, camera, estimator.settings)
         row = {"mask_threshold": threshold, "sure": share, "score": -1.0, "right": False}
         if isinstance(ring, Contour):
-            candidates = estimator.candidates(ring.ellipse)
-            reflectors = estimator.find_reflectors(image, candidates)
-            fit = yaw.fast_yaw(reflectors, candidates[:2], estimator.port, estimator.camera)
+            circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)
+            reflectors = reflector_mask(estimator.reflector_network, image, circles, port, camera)
+            fit = yaw.fast_yaw(reflectors, circles[:2], port, camera)
             T = fit.T_cam_port
-            row |= {"score": fit.score, "right": truth is not None and right(T, truth, estimator.port)}
+            row |= {"score": fit.score, "right": truth is not None and right(T, truth, port)}
         rows.append({**row, "portless": truth is None})
     return rows
 

@@ -17,7 +17,9 @@ import pandas as pd
 import wrong_poses
 from choose_thresholds import right
 
-from lmmap.pipeline import outline, yaw
+from lmmap.pipeline import circle, outline, yaw
+from lmmap.pipeline.masks import reflector_mask
+from lmmap.pipeline.ring import find_ring
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS, PerCamera
 from lmmap_lab.provenance import DATA, save_table
@@ -35,15 +37,16 @@ def views(set_name: str, modality: str, weights: str) -> list[dict]:
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
             estimator.looks = [look]
-            ring, _ = estimator.find_ring(look.masks[0])
+            ring = find_ring(look.masks[0], PORT, CAMERA)
             if not isinstance(ring, Contour):
                 continue
-            pair = estimator.candidates(ring.ellipse)[:2]
+            pair = circle.poses(ring.ellipse, CAMERA, PORT.ring_radius_m)
             normal_rad = normal_error_rad(pair, look.truth)
             position_m = position_error_m(pair[0], look.truth)
             if normal_rad.min() > OURS.right_normal_rad or position_m > OURS.right_position_m:
                 continue
-            reflectors, edges = estimator.find_reflectors(look.image, pair), outline.edges(look.image)
+            reflectors = reflector_mask(estimator.reflector_network, look.image, pair, PORT, CAMERA)
+            edges = outline.edges(look.image)
             fits = {"mask": yaw.fast_yaw(reflectors, pair, PORT, CAMERA),
                     "both": yaw.fast_yaw(reflectors, pair, PORT, CAMERA, OURS, edges,
                                          OURS.yaw_weights[modality])}  # fmt: skip

@@ -23,7 +23,7 @@ from wrong_poses import CAMERA, EACH, LIGHTS, PORT, looks, of_light
 from lmmap.pipeline import circle
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.ring import binarise
+from lmmap.pipeline.ring import binarise, find_ring
 from lmmap.pipeline.weights import load_network
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
@@ -84,7 +84,7 @@ def judge(path: Path, modality: str, images: list[tuple]) -> pd.DataFrame:
     estimator = Estimator(CAMERA, PORT, modality, (network, network))
     for light, image, truth in images:
         mask = network(image)
-        ring = estimator.find_ring(mask)[0]
+        ring = find_ring(mask, PORT, CAMERA, estimator.settings)
         has_ring = isinstance(ring, Contour)
         right = has_ring and is_right(circle.poses(ring.ellipse, CAMERA, PORT.ring_radius_m), truth)
         overlap = iou(binarise(mask, OURS.mask_threshold), labels.label_masks(truth, PORT, CAMERA, rays)[0])

@@ -24,7 +24,9 @@ from validation_conditions import CONDITIONS, cases
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.weights import load_card, load_network, set_hashes, shipped_gaps, weight_path
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
@@ -42,7 +44,7 @@ VARIATIONS = {
 
 
 def is_ring(ring, T) -> bool:
-    """Whether `Estimator.find_ring` found an ellipse, and the true one."""
+    """Whether `find_ring` found an ellipse, and the true one."""
     if not isinstance(ring, Contour):
         return False
     true = circle_ellipse(T, world.PORT.ring_radius_m, world.CAMERA)
@@ -60,9 +62,12 @@ def scores(modality: str, estimator: Estimator, ring_network=None, reflectors=Tr
         for image, (ring, markers), T in cases(condition):
             mask = (ring_network or estimator.ring_network)(image)
             fits.append(iou(mask > cut, ring))
-            rings.append(is_ring(estimator.find_ring(mask)[0], T))
+            rings.append(is_ring(find_ring(mask, estimator.port, estimator.grid, estimator.settings), T))
             if reflectors:
-                marked.append(iou(estimator.find_reflectors(image, T[None]) > cut, markers))
+                seen = reflector_mask(
+                    estimator.reflector_network, image, T[None], estimator.port, estimator.grid
+                )
+                marked.append(iou(seen > cut, markers))
         row = {"modality": modality, "condition": name, "images": len(fits)}
         rows.append(row | {"filter": "ring", "iou": np.mean(fits), "found_percent": 100 * np.mean(rings)})
         if reflectors:

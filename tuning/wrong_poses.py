@@ -34,7 +34,7 @@ from tqdm import tqdm
 
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import TurnedToo, crop_bounds
+from lmmap.pipeline.network import MaskNetwork, TurnedToo
 from lmmap.pipeline.run import TimedImage, estimate_image, timed_images
 from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.settings import OURS, PerCamera, Settings
@@ -197,16 +197,10 @@ class OnMasks(Estimator):
 
     def __init__(self, modality: str, settings: Settings = OURS):
         self.looks: list[Look] = []
-        plain, turned = (
-            [lambda image, k=k, way=way: getattr(self._look(image), way)[k] for k in range(len(FILTERS))]
-            for way in ("masks", "turned")
-        )
+        plain, turned = ([Kept(self, way, k) for k in range(len(FILTERS))] for way in ("masks", "turned"))
         super().__init__(CAMERA, PORT, modality, tuple(plain), settings)
         if self._turned:
             self._turned = [self._with(ring_network=turned[0], reflector_network=turned[1])]
-
-    def _look(self, image) -> Look:
-        return next(look for look in self.looks if look.image is image)
 
     def once(self, look: Look) -> Estimate:
         """The estimate by one look at an image as it is."""
@@ -226,11 +220,23 @@ class OnMasks(Estimator):
         _, estimate = estimate_image(self, timed)
         return estimate, case.looks[estimate.t_us]
 
-    def find_reflectors(self, image, candidates):
-        rows, columns = crop_bounds(*self.markers_box(candidates), self.camera.size_px)
-        mask = np.zeros(image.shape[:2], np.float32)
-        mask[rows, columns] = self.reflector_network(image)[rows, columns]
-        return mask
+
+class Kept(NamedTuple):
+    """A network whose masks of the ``looks`` of an `OnMasks` are known: of whole images and of crops."""
+
+    of: OnMasks
+    way: str
+    number: int
+    stride_px = MaskNetwork.stride_px
+    inputs_of = staticmethod(MaskNetwork.inputs_of)
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        look = next(look for look in self.of.looks if np.may_share_memory(look.image, image))
+        start, at = (a.__array_interface__["data"][0] for a in (look.image, image))
+        row, column = ((at - start) // step for step in look.image.strides[:2])
+        column -= row * (look.image.strides[0] // look.image.strides[1])
+        height, width = image.shape[:2]
+        return getattr(look, self.way)[self.number][row : row + height, column : column + width]
 
 
 def outcomes(estimators: dict[str, Settings], set_name: str, modality: str, weights: str) -> pd.DataFrame:

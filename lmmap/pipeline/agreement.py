@@ -7,7 +7,6 @@ agrees is therefore worth the power ``look_independence`` of what an independent
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -52,32 +51,16 @@ def confidence_together(p: float, q: float, agree: bool, independence: float) ->
 def together(estimates: Sequence[Estimate], modality: str, port: Port, settings: Settings) -> Estimate:
     """The answer of several looks at one image: the most confident pose, judged by the others.
 
-    It is reported as by `report`, if its confidence reaches the modality's ``min_confidence``.  Without any
+    It is reported if its confidence reaches the modality's ``min_confidence``.  Without any
     pose the answer is the first look's.
     """
-    with_pose = [e for e in estimates if _pose(e) is not None]
+    with_pose = [e for e in estimates if e.found is not None]
     if len(with_pose) < 2:
         return with_pose[0] if with_pose else estimates[0]
     best = max(with_pose, key=lambda e: e.confidence)
     confidence = best.confidence
     for other in with_pose:
         if other is not best:
-            agree = alike(_pose(best), _pose(other), port, settings)
+            agree = alike(best.found, other.found, port, settings)
             confidence = confidence_together(confidence, other.confidence, agree, settings.look_independence)
-    return report(best, confidence, settings.min_confidence[modality])
-
-
-def report(estimate: Estimate, confidence: float, least: float) -> Estimate:
-    """An estimate that has a pose, with this confidence: reported if that is at least so much, else of status
-    ``unsure``."""
-    T_cam_port = _pose(estimate)
-    if confidence >= least:
-        answer = {"status": Status.OK, "T_cam_port": T_cam_port, "doubtful": None}
-    else:
-        answer = {"status": Status.UNSURE, "T_cam_port": None, "doubtful": T_cam_port}
-    return replace(estimate, **answer, confidence=confidence)
-
-
-def _pose(estimate: Estimate) -> Pose | None:
-    """The pose of one look, reported or not."""
-    return estimate.doubtful if estimate.T_cam_port is None else estimate.T_cam_port
+    return best.judged(confidence, settings.min_confidence[modality])

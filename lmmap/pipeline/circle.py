@@ -68,6 +68,12 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     return Pose(_frame(-n * _sign(np.sum(n * p, -1))), np.broadcast_to(p, n.shape))
 
 
+def candidates(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
+    """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
+    both = [f(ellipse, camera, radius_m) for f in (poses, paper_poses)]
+    return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
+
+
 def axis_bearings(ellipse: Ellipse, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Unit bearings (..., 2, 3) of both ends of the major and of the minor axis of undistorted ellipses."""
     minor = _minor_direction(ellipse)

@@ -8,14 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..geometry.markers import reach_m
-from ..geometry.port import circle_points_m
-from ..geometry.projection import project
 from ..settings import OURS, Settings
-from ..types import Camera, Estimate, Port, Pose, check_time
+from ..types import Camera, Estimate, Port, check_time
 from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
-from .network import Box, crop_bounds
 from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
 from .weights import load_networks
 
@@ -83,27 +79,3 @@ class ImageEstimator:
         """The ring's mask (H, W) in the pixels of an image of the camera."""
         mask = resample(self.ring_network(resample(image, self.grid)), self.camera)
         return np.clip(mask, 0, 1)
-
-    def find_reflectors(self, image: np.ndarray, candidates: Pose) -> np.ndarray:
-        """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
-        rows, columns = crop_bounds(*self.markers_box(candidates), self.grid.size_px, self.reflector_network)
-        mask = np.zeros(image.shape[:2], np.float32)
-        mask[rows, columns] = self.reflector_network(image[rows, columns])
-        return mask
-
-    def markers_box(self, candidates: Pose) -> Box:
-        """What the markers and the search for them reach at poses (N,)."""
-        return markers_box_px(candidates, self.port, self.grid, self.settings.marker_border_px)
-
-
-def markers_box_px(
-    T_cam_port: Pose, port: Port, camera: Camera, border_px: float = OURS.marker_border_px
-) -> Box:
-    """What the markers and the search for them reach at poses (N,), whatever the yaw, and a border around
-    that."""
-    disc = circle_points_m(reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
-    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
-    seen = seen[np.isfinite(seen).all(-1)]
-    if not len(seen):
-        return Box(np.zeros(2), np.array(camera.size_px) - 1)
-    return Box(seen.min(0) - border_px, seen.max(0) + border_px)

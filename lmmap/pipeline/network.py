@@ -9,7 +9,6 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -119,7 +118,7 @@ class MaskNetwork:
     ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
     """
 
-    stride_px = STRIDE_PX  # what `crop_bounds` cuts by
+    stride_px = STRIDE_PX  # what `crops.crop_bounds` cuts by
     inputs_of = staticmethod(inputs_of)
 
     def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
@@ -165,40 +164,3 @@ class TurnedToo:
         lowest, highest = self._network.inputs_of(first, last)
         reach = max(first - lowest, highest - last)  # to either side: a turn takes one for the other
         return first - reach, last + reach
-
-
-class Box(NamedTuple):
-    """A part of an image: its lowest and its highest (u, v)."""
-
-    low_px: np.ndarray
-    high_px: np.ndarray
-
-    def holds(self, other: Box) -> bool:
-        """Whether no part of another box is outside."""
-        return bool(np.all(other.low_px >= self.low_px) and np.all(other.high_px <= self.high_px))
-
-
-def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:
-    """Rows and columns of a crop around a box, in which a network gives what it gives on the whole image.
-
-    The crop keeps to the network's ``stride_px`` and holds the inputs (``inputs_of``) of every output in the
-    box.  Of a network without these, any callable, nothing is known, and the crop is the whole image.
-
-    Parameters
-    ----------
-    low_px, high_px : (2,)
-        Lowest and highest (u, v) of the box.
-    size_px : (width, height)
-        Of the image.
-    """
-    size = np.asarray(size_px)
-    if not hasattr(network, "inputs_of"):
-        return slice(0, int(size[1])), slice(0, int(size[0]))
-    stride = network.stride_px
-    lowest, highest = network.inputs_of(0, stride - 1)  # of the outputs of one stride
-    before_px, after_px = -(lowest // stride) * stride, (highest // stride + 1) * stride
-    first = np.clip(np.floor(low_px), 0, size - 1) // stride * stride
-    last = np.clip(np.ceil(high_px), 0, size - 1) // stride * stride
-    start = np.maximum(first - before_px, 0).astype(int)
-    stop = np.minimum(last + after_px, size).astype(int)
-    return slice(start[1], stop[1]), slice(start[0], stop[0])

@@ -8,11 +8,14 @@ import numpy as np
 
 from ..geometry.projection import undistort_points
 from ..settings import PAPER, PaperSettings, Settings
-from ..types import Ellipse, Estimate, Port, Pose, Status
-from . import circle, ellipse, yaw
+from ..types import Estimate, Port, Status
+from .circle import paper_poses
+from .ellipse import paper_ransac
 from .image_estimator import ImageEstimator, Weights, settings_for
 from .inputs import AnyCamera, as_camera
+from .masks import reflector_mask
 from .ring import skeleton_points
+from .yaw import paper_yaw
 
 
 @dataclass(frozen=True)
@@ -67,37 +70,15 @@ class PrintedEstimator(ImageEstimator):
 
     def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
-        points_px = self.skeleton(self.ring_network(image))
-        if len(points_px) < self.assumptions.min_ring_pixels:
+        port, grid, assumed = self.port, self.grid, self.assumptions
+        points_px = skeleton_points(self.ring_network(image), assumed.mask_threshold, peak_share=0.0)
+        if len(points_px) < assumed.min_ring_pixels:
             return Estimate(t_us, Status.NO_RING)
-        ring = self.fit_ellipse(points_px)
+        ring, _ = paper_ransac(undistort_points(points_px, grid), np.random.default_rng(0), assumed)
         if ring is None:
             return Estimate(t_us, Status.NO_ELLIPSE)
-        candidates = self.candidates(ring)
-        fit = self.find_yaw(self.find_reflectors(image, candidates), candidates)
-        return Estimate(
-            t_us,
-            Status.OK,
-            fit.T_cam_port,
-            rival=fit.rival,
-            ellipse=ring,
-            marker_score=fit.score,
-            rival_score=fit.rival_score,
-        )
-
-    def skeleton(self, ring_mask: np.ndarray) -> np.ndarray:
-        """Pixels (M, 2) of the skeleton of the mask (H, W) above one threshold."""
-        points_px = skeleton_points(ring_mask, self.assumptions.mask_threshold, peak_share=0.0)
-        return undistort_points(points_px, self.grid)
-
-    def fit_ellipse(self, points_px: np.ndarray) -> Ellipse | None:
-        """The ellipse of the paper's RANSAC through points (M, 2), or None where no hypothesis passes."""
-        return ellipse.paper_ransac(points_px, np.random.default_rng(0), self.assumptions)[0]
-
-    def candidates(self, ring: Ellipse) -> Pose:
-        """Poses (2,) by the printed formulas for centre and normals; their yaw is arbitrary."""
-        return circle.paper_poses(ring, self.grid, self.port.ring_radius_m)
-
-    def find_yaw(self, reflector_mask: np.ndarray, candidates: Pose) -> yaw.YawFit:
-        """The better normal and its yaw, by the paper's grid, from a mask (H, W)."""
-        return yaw.paper_yaw(reflector_mask, candidates, self.port, self.grid, self.paper)
+        circles = paper_poses(ring, grid, port.ring_radius_m)
+        reflectors = reflector_mask(self.reflector_network, image, circles, port, grid)
+        fit = paper_yaw(reflectors, circles, port, grid, self.paper)
+        return Estimate(t_us, Status.OK, fit.T_cam_port, fit.rival, ellipse=ring, marker_score=fit.score,
+                        rival_score=fit.rival_score)  # fmt: skip

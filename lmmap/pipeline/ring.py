@@ -1,12 +1,93 @@
-"""From the ring's mask to points: binarisation with hysteresis, then a skeleton one pixel wide."""
+"""From the ring's mask to its contour: binarisation with hysteresis, a skeleton one pixel wide, an ellipse
+through it, and the middle of the mask's stroke along that ellipse.
+
+A ring that is expected somewhere is traced from there, and searched only where that fails.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from skimage.filters import apply_hysteresis_threshold
 from skimage.morphology import skeletonize
 
-from ..settings import OURS
+from ..geometry.projection import undistort_points
+from ..refinement import contour
+from ..refinement.contour import Contour
+from ..settings import OURS, Settings
+from ..types import Camera, Ellipse, Port, Status
+from . import ellipse, local_search
+
+
+def find_ring(
+    mask: np.ndarray, port: Port, camera: Camera, settings: Settings = OURS, near: Ellipse | None = None
+) -> Contour | Status:
+    """The ring's contour in a mask (H, W), free of lens distortion; or why there is none.
+
+    It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
+    of it.
+    """
+    if near is not None and (ring := follow(near, mask, strip_px(near, port, settings), camera, settings)):
+        return ring
+    for peak_share in (settings.peak_share, 0.0):
+        points = skeleton_points(mask, settings.mask_threshold, peak_share)
+        if len(points) < settings.min_ring_pixels:
+            status = Status.NO_RING
+            continue
+        points = undistort_points(points, camera)
+        fitted, inliers = find_ellipse(points, mask, camera, settings)
+        if fitted is not None:
+            break
+        status = Status.NO_ELLIPSE
+    else:
+        return status
+    ring = contour.trace(fitted, mask, strip_px(fitted, port, settings), camera, settings)
+    return _scored(ring or contour.from_points(fitted, points[inliers]), points, mask, camera)
+
+
+def follow(
+    expected: Ellipse, mask: np.ndarray, half_width_px: float, camera: Camera, settings: Settings = OURS
+) -> Contour | None:
+    """The contour that a mask has about the expected ellipse; None unless the mask alone, without the
+    expectation, passes the gates that hold for any ring.
+
+    Parameters
+    ----------
+    half_width_px : of the strip about the ellipse in which the mask's stroke is looked for
+    """
+    ring = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(2,))
+    if ring is None:
+        return None
+    major, minor = ring.ellipse.semi_axes_px
+    if minor < settings.min_axis_ratio * major or major < settings.min_semi_major_px:
+        return None
+    ring = _scored(ring, ring.points_px, mask, camera)
+    if ring.arc_coverage < settings.min_arc_coverage:
+        return None
+    return ring if ring.score >= settings.min_arc_coverage * settings.mask_threshold else None
+
+
+def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:
+    """With the mask's mean along it, and its arc coverage by the ring's points (M, 2)."""
+    score = contour.score(ring.ellipse, mask, camera)
+    return replace(ring, score=score, arc_coverage=ellipse.arc_coverage(ring.ellipse, points_px))
+
+
+def strip_px(ring: Ellipse, port: Port, settings: Settings = OURS) -> float:
+    """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""
+    stroke = (port.ring_outer_radius_m - port.ring_inner_radius_m) / port.ring_radius_m
+    return float(settings.contour_half_width * (stroke * ring.semi_axes_px[0]))
+
+
+def find_ellipse(
+    points_px, mask: np.ndarray, camera: Camera, settings: Settings = OURS
+) -> tuple[Ellipse | None, np.ndarray]:
+    """The ring's ellipse among a mask's points (M, 2), and which of them lie on it (M,)."""
+    fitted, inliers = ellipse.fit_ransac(points_px, np.random.default_rng(0), settings)
+    if fitted is None and settings.local_search:
+        return local_search.fit_local(points_px, mask, np.random.default_rng(0), camera, settings)
+    return fitted, inliers
 
 
 def binarise(mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share) -> np.ndarray:

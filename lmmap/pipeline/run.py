@@ -6,7 +6,6 @@ import heapq
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import repeat
 from typing import NamedTuple
@@ -17,11 +16,10 @@ import torch
 from ..settings import Settings
 from ..types import AnyRecording, Estimate, InputError, Pose
 from . import agreement
+from .crops import AT_ONCE, workers
 from .estimator import Estimator
 from .histograms import window_histograms, windows_at, windows_of
 from .image_estimator import settings_for
-
-AT_ONCE = 2  # images estimated in parallel
 
 
 class TimedImage(NamedTuple):
@@ -103,8 +101,7 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
     `InputError` among the images is raised after the values of those before it.
     """
     waiting, end, timed = deque(), None, iter(timed)
-    threads = max(torch.get_num_threads() // AT_ONCE, 1)
-    with ThreadPoolExecutor(AT_ONCE, initializer=torch.set_num_threads, initargs=(threads,)) as pool:
+    with workers(torch.get_num_threads()) as pool:
         while waiting or not end:
             try:
                 while not end and len(waiting) <= AT_ONCE:

@@ -26,12 +26,14 @@ from ..types import Camera, Ellipse
 @dataclass(frozen=True)
 class Contour:
     """An ellipse and the points (M, 2) it was fitted to, both undistorted, with the points' standard
-    deviation about it in pixels, and the mask's mean along it, `score`."""
+    deviation about it in pixels, the mask's mean along it, `score`, and the share of it that has points of
+    the ring."""
 
     ellipse: Ellipse
     points_px: np.ndarray
     sigma_px: float
     score: float = 1.0
+    arc_coverage: float = 0.0
 
 
 def trace(

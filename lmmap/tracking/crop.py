@@ -9,34 +9,35 @@ from ..geometry.conics import circle_ellipse
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..pipeline import circle
-from ..pipeline.estimator import Estimator
-from ..pipeline.follow import Expected
-from ..pipeline.image_estimator import markers_box_px
-from ..pipeline.network import Box
-from ..types import Pose
+from ..pipeline.crops import Box
+from ..pipeline.masks import Expected, markers_box_px
+from ..pipeline.ring import strip_px
+from ..settings import OURS, Settings
+from ..types import Camera, Port, Pose
 from .motion_model import MotionState
 
 
-def expected_ring(state: MotionState, estimator: Estimator) -> Expected | None:
-    """The ring of a predicted state in the pixels of an estimator's grid; None if it is not all before the
+def expected_ring(
+    state: MotionState, port: Port, camera: Camera, settings: Settings = OURS
+) -> Expected | None:
+    """The ring of a predicted state in the pixels of a camera; None if it is not all before the
     camera, or its box is outside the image.
 
     The ring's box holds the strip in which the contour is traced, and ``crop_sigmas`` standard deviations of
     the ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
     That of the markers is about both poses that the expected ellipse leaves open.
     """
-    camera, port = estimator.grid, estimator.port
     poses = _standard_deviations(state)
     points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
     ellipse = circle_ellipse(state.T_cam_port, port.ring_radius_m, camera)
     if not (np.isfinite(points_px).all() and np.isfinite(ellipse.semi_axes_px).all()):
         return None
     sigma_px = np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
-    margin_px = estimator.settings.crop_sigmas * sigma_px + estimator.strip_px(ellipse) + 1
+    margin_px = settings.crop_sigmas * sigma_px + strip_px(ellipse, port, settings) + 1
     low_px, high_px = (points_px[0] - margin_px).min(0), (points_px[0] + margin_px).max(0)
     if np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1):
         return None
-    border_px = estimator.settings.marker_border_px + estimator.settings.crop_sigmas * sigma_px.max() + 1
+    border_px = settings.marker_border_px + settings.crop_sigmas * sigma_px.max() + 1
     both = circle.poses(ellipse, camera, port.ring_radius_m)
     markers = markers_box_px(both, port, camera, border_px)
     return Expected(ellipse, Box(low_px, high_px), markers)

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -199,10 +198,8 @@ def _judged(fusion: Fusion, t_us: int, settings: Settings) -> Estimate:
     e = fusion.at(t_us)
     if e.T_cam_port is None:
         return e
-    e = replace(e, confidence=fusion.belief * probability_within_limits(e, settings))
-    if e.confidence >= settings.min_fused_confidence:
-        return e
-    return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port)
+    confidence = fusion.belief * probability_within_limits(e, settings)
+    return e.judged(confidence, settings.min_fused_confidence)
 
 
 def _check(camera: str, e: Estimate) -> None:

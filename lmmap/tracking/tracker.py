@@ -132,7 +132,7 @@ class Tracker:
         """The estimate about the predicted ring or, where that does not fit the track, of the whole image;
         and whether it fits."""
         estimator, state = self.estimators[modality], track.predict(t_us)
-        near = expected_ring(state, estimator) if state else None
+        near = state and expected_ring(state, estimator.port, estimator.grid, estimator.settings)
         self._since_full += 1
         if near and self._since_full < self.settings.full_frame_every:
             e, fits = self._judge(track, modality, estimator(image, t_us, near))

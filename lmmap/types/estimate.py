@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -84,6 +84,20 @@ class Estimate:
     predicted: Pose | None = None
     measured: Pose | None = None
     outside_training: bool = False
+
+    @property
+    def found(self) -> Pose | None:
+        """The pose, reported or doubtful."""
+        return self.doubtful if self.T_cam_port is None else self.T_cam_port
+
+    def judged(self, confidence: float, least: float) -> Estimate:
+        """The estimate of a pose with this confidence: reported if that is at least so much, else
+        ``unsure``."""
+        if confidence >= least:
+            answer = {"status": Status.OK, "T_cam_port": self.found, "doubtful": None}
+        else:
+            answer = {"status": Status.UNSURE, "T_cam_port": None, "doubtful": self.found}
+        return replace(self, **answer, confidence=confidence)
 
     def _repr_html_(self) -> str:
         """A small table, as notebooks show it."""

@@ -9,7 +9,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from lmmap.pipeline import agreement
 from lmmap.recordings.formats import open_recording, read_estimates
 from lmmap.types import Estimate, Port
 
@@ -48,7 +47,7 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.Data
             open_recording(folder / f"{name}.h5"),
             read_estimates(folder / f"estimates-{label}.csv"),
         )
-        before = [e if e.doubtful is None else agreement.report(e, e.confidence, 0.0) for e in now]
+        before = [e if e.doubtful is None else e.judged(e.confidence, 0.0) for e in now]
         columns = ["t_us", "status", "in_view", *METRICS]
         table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
         table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 
+from lmmap.pipeline.circle import candidates
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.run import images
 from lmmap.types import Camera, Ellipse, Recording
 
@@ -54,7 +56,9 @@ def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
         show_image(row[1], estimator.ring_network(image), "ring filter, ellipse")
         if answer.ellipse is not None:
             draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
-            markers = estimator.find_reflectors(image, estimator.candidates(answer.ellipse))
+            circles = candidates(answer.ellipse, recording.camera, estimator.port.ring_radius_m)
+            network = estimator.reflector_network
+            markers = reflector_mask(network, image, circles, estimator.port, recording.camera)
             show_image(row[2], markers, "marker filter")
         draw_estimate(row[3], image, answer, estimator.port, recording.camera)
         row[3].set_title("pose")

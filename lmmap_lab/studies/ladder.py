@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from lmmap.pipeline import yaw
+from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.printed import PrintedEstimator
 from lmmap.pipeline.rescale import resample
+from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import TimedImage, estimate_image
-from lmmap.refinement.contour import Contour
 from lmmap.types import Estimate, Port, Pose, Recording, Status
 
 from . import pose_errors
@@ -34,7 +35,7 @@ TRACKED = {
     "fused": "both cameras in one filter",
 }
 RUNGS = MEASURED | TRACKED
-EXACT, PRINTED = slice(0, 2), slice(2, 4)  # of `Estimator.candidates`
+EXACT, PRINTED = slice(0, 2), slice(2, 4)  # of `circle.candidates`
 ALL_POSES = {"every pose": ("", None, "kept")}
 COLUMNS = ["rung", "t_us", "in_view", "kept", *METRICS]
 
@@ -81,24 +82,24 @@ class Ladder:
         ours = estimate_image(self.ours, timed)[1]
         mask = self.ours.ring_network(image)
         skeleton, contour = (self._ring(e, image, mask) for e in (self.by_skeleton, self.ours))
-        any_pose = ours.T_cam_port or ours.doubtful
-        status = Status.OK if any_pose is not None else ours.status
+        status = Status.OK if ours.found is not None else ours.status
         return ours, {
             "as printed": self.printed.on_grid(image, t_us),
             "robust ellipse": self._pose(t_us, skeleton, PRINTED, yaw.paper_yaw),
             "sub-pixel contour": self._pose(t_us, contour, PRINTED, yaw.paper_yaw),
             "fine yaw": self._pose(t_us, contour, PRINTED, yaw.fast_yaw),
             "exact circle": self._pose(t_us, contour, EXACT, yaw.fast_yaw),
-            "ring and markers": replace(ours, status=status, T_cam_port=any_pose),
+            "ring and markers": replace(ours, status=status, T_cam_port=ours.found),
         }
 
     def _ring(self, estimator: Estimator, image, mask) -> tuple[Pose, np.ndarray] | Status:
         """The four candidates of an estimator's ellipse and the reflector mask, or why there are none."""
-        ring = estimator.find_ring(mask)[0]
-        if not isinstance(ring, Contour):
+        port, camera = estimator.port, estimator.grid
+        ring = find_ring(mask, port, camera, estimator.settings)
+        if isinstance(ring, Status):
             return ring
-        candidates = estimator.candidates(ring.ellipse)
-        return candidates, estimator.find_reflectors(image, candidates)
+        circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)
+        return circles, reflector_mask(estimator.reflector_network, image, circles, port, camera)
 
     def _pose(self, t_us: int, ring: tuple[Pose, np.ndarray] | Status, pair: slice, find_yaw) -> Estimate:
         if isinstance(ring, Status):

@@ -11,7 +11,7 @@ from skimage.morphology import skeletonize
 from lmmap.geometry.port import circle_points_m, in_view
 from lmmap.geometry.projection import project
 from lmmap.pipeline import run
-from lmmap.pipeline.image_estimator import markers_box_px
+from lmmap.pipeline.masks import markers_box_px
 from lmmap.pipeline.ring import binarise
 from lmmap.pipeline.weights import FILTERS, load_network, weight_path
 from lmmap.settings import OURS, Settings

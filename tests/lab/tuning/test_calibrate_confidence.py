@@ -6,7 +6,6 @@ import pytest
 from strategies import PORT, pose
 
 from lmmap.geometry.rotations import rotation_angle_rad
-from lmmap.pipeline import agreement
 from lmmap.refinement import verify
 from lmmap.settings import OURS
 from lmmap.types import Ellipse, Estimate, Pose, Status
@@ -42,7 +41,7 @@ def test_misplaced_poses_are_ten_degrees_off_or_have_another_yaw():
 def look(confidence: float, x_m: float = 0.0) -> Estimate:
     T = Pose(T0.rotation, T0.position_m + np.array([x_m, 0, 0]))
     ring = Estimate(0, Status.OK, T, ellipse=Ellipse([100.0, 100.0], [40.0, 30.0], 0.1))
-    return agreement.report(ring, confidence, 0.85)
+    return ring.judged(confidence, 0.85)
 
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])

@@ -15,7 +15,7 @@ T0 = pose((180, 120), 0.6, 0.5, 0.8)
 
 
 def look(confidence, T=T0, t_us=0):
-    return agreement.report(Estimate(t_us, Status.OK, T), confidence, 0.85)
+    return Estimate(t_us, Status.OK, T).judged(confidence, 0.85)
 
 
 def moved(position_m=(0, 0, 0), turn_rad=(0, 0, 0)):

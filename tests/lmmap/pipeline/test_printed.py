@@ -8,8 +8,12 @@ from lmmap import PrintedEstimator
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_z
+from lmmap.pipeline.circle import paper_poses
+from lmmap.pipeline.ellipse import paper_ransac
 from lmmap.pipeline.printed import Assumptions
+from lmmap.pipeline.ring import skeleton_points
 from lmmap.pipeline.run import timed_images
+from lmmap.pipeline.yaw import paper_yaw
 from lmmap.settings import PAPER
 from lmmap.types import EVENT, Pose, Recording, Status
 
@@ -22,6 +26,10 @@ def drawn(T_cam_port):
     """An estimator whose networks draw what they should find at a pose, and the two masks."""
     ring, markers = ideal_masks(T_cam_port, PORT, CAMERA)
     return PrintedEstimator(CAMERA, PORT, weights=(lambda _: ring, lambda _: markers)), ring, markers
+
+
+def skeleton(mask):
+    return skeleton_points(mask, Assumptions().mask_threshold, peak_share=0.0)
 
 
 def angle_deg(a, b):
@@ -51,8 +59,8 @@ def printed_poses(e, nearest=np.argmin):
 
 
 def test_the_skeleton_is_one_pixel_wide_and_lies_on_the_ring():
-    estimator, ring, _ = drawn(T)
-    points = estimator.skeleton(ring)
+    ring = drawn(T)[1]
+    points = skeleton(ring)
     assert len({tuple(x) for x in points}) == len(points) > Assumptions().min_ring_pixels
     rows, columns = points[:, 1].astype(int), points[:, 0].astype(int)
     assert np.all(ring[rows, columns] > 0.5)
@@ -63,24 +71,24 @@ def test_the_skeleton_is_one_pixel_wide_and_lies_on_the_ring():
 
 def test_one_threshold_keeps_weak_blobs_too():
     """Hysteresis, which is ours, would drop the ring beside a brighter blob."""
-    estimator, ring, _ = drawn(T)
+    ring = drawn(T)[1]
     mask = np.float32(0.6) * ring
     mask[2:10, 2:10] = 1.0
-    points = estimator.skeleton(mask)
+    points = skeleton(mask)
     assert len(points) > Assumptions().min_ring_pixels and (points > 20).all(1).any()
 
 
 def test_the_ellipse_is_the_drawn_one():
-    estimator, ring, _ = drawn(T)
-    fit, true = estimator.fit_ellipse(estimator.skeleton(ring)), circle_ellipse(T, NU, CAMERA)
+    points = skeleton(drawn(T)[1])
+    fit, _ = paper_ransac(points, np.random.default_rng(0), Assumptions())
+    true = circle_ellipse(T, NU, CAMERA)
     np.testing.assert_allclose(fit.centre_px, true.centre_px, atol=1.0)
     np.testing.assert_allclose(fit.semi_axes_px, true.semi_axes_px, atol=1.0)
 
 
 def test_centre_and_normals_are_the_printed_formulas():
-    estimator, *_ = drawn(T)
     e = circle_ellipse(T, NU, CAMERA)
-    candidates, (p, normals) = estimator.candidates(e), printed_poses(e)
+    candidates, (p, normals) = paper_poses(e, CAMERA, NU), printed_poses(e)
     for k in range(2):
         np.testing.assert_allclose(candidates[k].position_m, p, atol=1e-12)
         assert min(angle_deg(candidates[k].normal, n) for n in normals) < 1e-6
@@ -91,9 +99,8 @@ def test_centre_and_normals_are_the_printed_formulas():
 
 @pytest.mark.parametrize("range_m", [0.3, 0.6, 1.2])
 def test_head_on_the_normal_is_off_by_twice_the_rings_angular_radius(range_m):
-    estimator, *_ = drawn(T)
     head_on = Pose(np.diag([1.0, -1, -1]), [0, 0, range_m])
-    candidates = estimator.candidates(circle_ellipse(head_on, NU, CAMERA))
+    candidates = paper_poses(circle_ellipse(head_on, NU, CAMERA), CAMERA, NU)
     bias_deg = np.rad2deg(2 * np.arctan(NU / range_m))
     for k in range(2):
         assert angle_deg(candidates[k].normal, head_on.normal) == pytest.approx(bias_deg, abs=1e-6)
@@ -101,12 +108,12 @@ def test_head_on_the_normal_is_off_by_twice_the_rings_angular_radius(range_m):
 
 def test_the_yaw_is_the_best_of_the_grid_on_both_normals():
     """With the true normal among the candidates the true yaw is found, in whole degrees of the grid."""
-    estimator, _, markers = drawn(T)
+    markers = drawn(T)[2]
     rival = Pose(T.rotation @ np.diag([-1.0, 1, -1]) @ np.diag([1.0, -1, -1]), T.position_m)
     for degrees in (0, 7, 53, 119):
         turned = Pose(T.rotation @ rotation_z(-np.deg2rad(degrees)), T.position_m)
         both = Pose(np.stack([rival.rotation, turned.rotation]), np.stack([T.position_m] * 2))
-        best = estimator.find_yaw(markers, both).T_cam_port
+        best = paper_yaw(markers, both, PORT, CAMERA).T_cam_port
         step = turned.rotation.T @ best.rotation
         steps_deg = np.rad2deg(np.arctan2(step[1, 0], step[0, 0])) % 120
         assert angle_deg(best.normal, T.normal) < 1e-6

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.geometry.port import ideal_masks, in_view
+from lmmap.geometry.port import in_view
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
-from lmmap.pipeline import agreement, yaw
+from lmmap.pipeline import agreement, circle
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.image_estimator import markers_box_px
+from lmmap.pipeline.masks import markers_box_px, reflector_mask
 from lmmap.pipeline.network import MaskNetwork
 from lmmap.pipeline.run import (
     TimedImage,
@@ -24,9 +24,8 @@ from lmmap.pipeline.run import (
     true_poses,
 )
 from lmmap.recordings.formats import open_recording
-from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS, PAPER, PerCamera
-from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
+from lmmap.types import Estimate, InputError, Port, Pose, Status
 from lmmap_lab.provenance import DATA
 from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
@@ -76,23 +75,13 @@ def test_an_answer_does_not_depend_on_those_before(recording, answers):
         assert np.allclose(again.T_cam_port.rotation, estimates[7].T_cam_port.rotation, rtol=0, atol=atol)
 
 
-def test_a_ring_that_the_filter_half_believes_is_found_beside_a_blob_that_it_is_sure_of(recording):
-    estimator, T = Estimator(modality="rgb"), recording.truth.poses[0]
-    ring = ideal_masks(T, estimator.port, recording.camera)[0]
-    mask = np.float32(0.6) * ring
-    mask[2:30, 2:30] = 1.0
-    contour, coverage = estimator.find_ring(mask)
-    expected = circle_ellipse(T, estimator.port.ring_radius_m, recording.camera)
-    assert np.allclose(contour.ellipse.semi_axes_px, expected.semi_axes_px, atol=0.5) and coverage > 0.9
-    assert estimator.find_ring(0 * mask) == (Status.NO_RING, 0.0)
-    assert estimator.find_ring(np.where(ring, 0, mask))[0] in (Status.NO_RING, Status.NO_ELLIPSE)
-
-
 def test_reflectors_on_the_crop_equal_the_full_frame_there(recording):
     estimator = Estimator(modality="rgb")
     pose = recording.truth.poses[:1]
     ellipse = circle_ellipse(pose[0], estimator.port.ring_radius_m, recording.camera)
-    crop = estimator.find_reflectors(recording.frames[0], estimator.candidates(ellipse))
+    circles = circle.candidates(ellipse, recording.camera, estimator.port.ring_radius_m)
+    of = circles, estimator.port, recording.camera
+    crop = reflector_mask(estimator.reflector_network, recording.frames[0], *of)
     full = estimator.reflector_network(recording.frames[0])
     low, high = (np.round(x).astype(int) for x in markers_box_px(pose, estimator.port, recording.camera))
     inside = np.s_[low[1] : high[1], low[0] : high[0]]
@@ -199,49 +188,3 @@ def test_rate_takes_the_last_events_before_each_tick(recording):
     assert all(image.sum() == PAPER.events_per_window for _, image in at)
     frames = [t for t, _ in images(recording, "rgb", rate_hz=10.0)]
     assert np.diff(frames) == pytest.approx(1e5, rel=0.1)
-
-
-def test_a_faint_ring_is_known_worse_and_an_unknown_yaw_is_not_refined():
-    estimator, T = Estimator(), Pose(rotation_z(0.3) @ np.diag([1.0, -1, -1]), np.array([0.01, 0.02, 0.6]))
-    ring, markers = (np.asarray(m, np.float32) for m in ideal_masks(T, estimator.port, estimator.camera))
-    clear, faint = (estimator.find_ring(k * ring)[0] for k in (1.0, 0.6))
-    assert isinstance(clear, Contour) and faint.score == pytest.approx(0.6 * clear.score, rel=0.02)
-    ratio = estimator.sigma_px(replace(clear, score=0.5)) / estimator.sigma_px(replace(clear, score=1.0))
-    assert ratio == pytest.approx(2)
-    least, less = (estimator.sigma_px(replace(clear, score=s)) for s in (OURS.min_ring_score, 0.0))
-    assert least == less < np.inf
-
-    best = yaw.fast_yaw(markers, estimator.candidates(clear.ellipse)[:2], estimator.port, estimator.camera)
-    known, covariance, _ = estimator.refine(best, clear, markers)
-    assert best.yaw_margin >= OURS.min_yaw_margin and not np.array_equal(
-        known.position_m, best.T_cam_port.position_m
-    )
-    unsure = replace(
-        best, yaw_margin=OURS.min_yaw_margin - 0.01, sigma_rad=estimator.port.yaw_period_rad / 12**0.5
-    )
-    kept, wide, _ = estimator.refine(unsure, clear, markers)
-    np.testing.assert_array_equal(kept.position_m, best.T_cam_port.position_m)
-    turn = [np.sqrt(T.normal @ C[3:, 3:] @ T.normal) for C in (covariance, wide)]
-    assert turn[1] == pytest.approx(unsure.sigma_rad, rel=0.05) and turn[0] < 0.2 * turn[1]
-
-
-def test_misuse():
-    with pytest.raises(ValueError, match="modality"):
-        Estimator(modality="lidar")
-    with pytest.raises(ValueError, match="image"):
-        Estimator(Camera(640, 480, 500, 500, 320, 240))(np.zeros((260, 346, 3), np.uint8))
-    with pytest.raises(InputError, match="no readable weights"):
-        Estimator(weights="nowhere")
-
-
-def test_the_networks_can_be_any_two_functions(recording):
-    T = recording.truth.poses[0]
-    ring, markers = ideal_masks(T, Port.lm_map(), recording.camera)
-    estimated = Estimator(recording.camera, weights=(lambda image: ring, lambda image: markers))(
-        recording.frames[0]
-    )
-    assert estimated.status == Status.OK
-    assert (
-        position_error_m(estimated.T_cam_port, T) < 0.002
-        and np.rad2deg(normal_error_rad(estimated.T_cam_port, T)) < 1
-    )

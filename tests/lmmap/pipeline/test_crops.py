@@ -1,4 +1,4 @@
-"""Following a ring: masks in crops are those of the whole image, and the mask alone decides."""
+"""Masks in crops are those of the whole image, and two can be made at once."""
 
 import subprocess
 import sys
@@ -6,17 +6,9 @@ import sys
 import numpy as np
 import pytest
 import torch
-from strategies import CAMERA, PORT, pose
 
-from lmmap.geometry.conics import circle_ellipse
-from lmmap.geometry.port import ideal_masks
-from lmmap.pipeline.follow import _workers, at_once, follow, mask_within
+from lmmap.pipeline.crops import _kept_workers, at_once, mask_within
 from lmmap.pipeline.weights import load_network, weight_path
-from lmmap.types import Ellipse
-
-T0 = pose((180, 120), 0.6, 0.5, 0.8)
-RING, MASK = circle_ellipse(T0, PORT.ring_radius_m, CAMERA), ideal_masks(T0, PORT, CAMERA)[0]
-WIDTH_PX = 12.0
 
 
 @pytest.fixture
@@ -45,7 +37,7 @@ def test_masks_on_crops_equal_those_of_the_whole_image_bit_by_bit(name, modality
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_thread):
     torch.set_num_threads(threads)
-    _workers.cache_clear()  # an idle old worker would take the number that was set last
+    _kept_workers.cache_clear()  # an idle old worker would take the number that was set last
     seen = at_once(torch.get_num_threads, lambda: "second")
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
@@ -55,7 +47,7 @@ def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_threa
 def test_a_forked_process_does_not_wait_for_threads_that_it_has_not():
     forked = """
 import os, torch
-from lmmap.pipeline.follow import at_once
+from lmmap.pipeline.crops import at_once
 torch.set_num_threads(2)
 at_once(int, int)
 child = os.fork()
@@ -64,26 +56,3 @@ if not child:
 assert os.waitpid(child, 0)[1] == 0
 """
     subprocess.run([sys.executable, "-W", "ignore", "-c", forked], check=True, timeout=60)
-
-
-@pytest.mark.parametrize("step_px", [(0.0, 0.0), (4.0, -3.0), (-5.0, 2.0)])
-def test_from_nearby_the_same_contour_is_reached(step_px):
-    start = Ellipse(RING.centre_px + step_px, 1.03 * RING.semi_axes_px, RING.angle_rad)
-    contour, coverage = follow(start, MASK, WIDTH_PX, CAMERA)
-    np.testing.assert_allclose(contour.ellipse.centre_px, RING.centre_px, atol=0.15)
-    np.testing.assert_allclose(contour.ellipse.semi_axes_px, RING.semi_axes_px, atol=0.15)
-    assert coverage > 0.95
-
-
-def test_an_expectation_is_no_evidence():
-    u = np.arange(CAMERA.width_px)
-    third = np.where(u < RING.centre_px[0] - 0.3 * RING.semi_axes_px[0], MASK, 0)
-    for mask in (0 * MASK, third, 0.2 * MASK):
-        assert follow(RING, mask, WIDTH_PX, CAMERA) is None
-
-
-def test_gates_on_size_and_shape_hold_as_for_any_ring():
-    far, flat = pose((180, 120), 2.6, 0.2), pose((180, 120), 0.6, 1.35)
-    for T in (far, flat):
-        ring, mask = circle_ellipse(T, PORT.ring_radius_m, CAMERA), ideal_masks(T, PORT, CAMERA)[0]
-        assert follow(ring, mask, 3.0, CAMERA) is None

@@ -1,0 +1,44 @@
+"""The answer for an image: its pose, reported only where masks and image make it probable enough."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..refinement import verify
+from ..refinement.contour import Contour
+from ..settings import OURS, Settings
+from ..types import Camera, Estimate, Port, Pose, Status
+from .masks import Seen
+from .refine import Refined, ring_uncertainty
+from .yaw import YawFit
+
+
+def judge(t_us: int, image: np.ndarray, seen: Seen, reflectors: np.ndarray, ring: Contour, fit: YawFit,
+          refined: Refined, port: Port, camera: Camera, modality: str,
+          settings: Settings = OURS) -> Estimate:  # fmt: skip
+    """The estimate of a refined pose, with its confidence: ``unsure`` below that of the modality.
+
+    Parameters
+    ----------
+    image
+        (H, W, 3) u8 or histogram (H, W), of which masks and ``reflectors`` (H, W) are.
+    """
+    estimate = Estimate(
+        t_us, Status.OK, refined.T_cam_port, rival=fit.rival, ellipse=ring.ellipse,
+        arc_coverage=ring.arc_coverage, marker_score=fit.score, rival_score=fit.rival_score,
+        margin=fit.margin, tilt_sigmas=refined.tilt_sigmas, covariance=refined.covariance,
+    )  # fmt: skip
+    evidence = verify.evidence(refined.T_cam_port, refined.covariance_by_masks, fit.sigma_rad, fit.log_odds,
+                               image, seen.ring, reflectors, port, camera)  # fmt: skip
+    confidence = float(verify.confidence(evidence, settings))
+    return estimate.judged(confidence, settings.min_confidence[modality])
+
+
+def without_markers(t_us: int, circles: Pose, ring: Contour, marker_score: float, port: Port, camera: Camera,
+                    modality: str, settings: Settings = OURS) -> Estimate:  # fmt: skip
+    """The estimate of a ring whose markers are not seen: two poses (2,) of unknown yaw."""
+    unknown_rad = port.yaw_period_rad / np.sqrt(12)
+    known = ring_uncertainty(circles[0], ring, unknown_rad, port, camera, modality, settings)
+    return Estimate(t_us, Status.NO_MARKERS, ring=circles[0], twin=circles[1], ellipse=ring.ellipse,
+                    arc_coverage=ring.arc_coverage, marker_score=marker_score,
+                    covariance=known.covariance)  # fmt: skip

@@ -1,0 +1,66 @@
+"""What the networks see in an image: the ring's mask, and the reflectors' where the port can have markers.
+
+Of an image whose port is expected somewhere, both networks run on crops about that place alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.markers import reach_m
+from ..geometry.port import circle_points_m
+from ..geometry.projection import project
+from ..settings import OURS
+from ..types import Camera, Ellipse, Port, Pose
+from . import outline
+from .crops import Box, at_once, mask_about, mask_within
+
+
+class Expected(NamedTuple):
+    """Where the ring is expected: its ellipse, undistorted, a box that holds all that is looked at of it, and
+    one that holds the markers."""
+
+    ellipse: Ellipse
+    ring: Box
+    markers: Box
+
+
+class Seen(NamedTuple):
+    """An image's ring mask and `outline.edges`, (H, W); and of one whose port was expected, the reflector
+    mask about the expected markers."""
+
+    ring: np.ndarray
+    edges: np.ndarray
+    reflectors: np.ndarray | None = None
+
+
+def look(image: np.ndarray, ring_network, reflector_network, near: Expected | None = None) -> Seen:
+    """What is seen of the port in an image before its ring is known."""
+    if near is None:
+        return Seen(ring_network(image), outline.edges(image))
+    ring, (reflectors, edges) = at_once(
+        lambda: mask_within(ring_network, image, *near.ring),
+        lambda: (mask_within(reflector_network, image, *near.markers), outline.edges(image)),
+    )
+    return Seen(ring, edges, reflectors)
+
+
+def reflector_mask(network, image: np.ndarray, T_cam_port: Pose, port: Port, camera: Camera,
+                   border_px: float = OURS.marker_border_px) -> np.ndarray:  # fmt: skip
+    """Reflector mask (H, W), computed where poses (N,) can have markers and zero elsewhere."""
+    return mask_about(network, image, *markers_box_px(T_cam_port, port, camera, border_px))
+
+
+def markers_box_px(
+    T_cam_port: Pose, port: Port, camera: Camera, border_px: float = OURS.marker_border_px
+) -> Box:
+    """What the markers and the search for them reach at poses (N,), whatever the yaw, and a border around
+    that."""
+    disc = circle_points_m(reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
+    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
+    seen = seen[np.isfinite(seen).all(-1)]
+    if not len(seen):
+        return Box(np.zeros(2), np.array(camera.size_px) - 1)
+    return Box(seen.min(0) - border_px, seen.max(0) + border_px)
