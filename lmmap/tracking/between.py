@@ -1,13 +1,7 @@
 """Poses between images, from events alone.
 
 An image's pose is old when it comes: its events were counted for a while, and then it was computed.
-Meanwhile each event near an edge of the port says where that edge is now: across the edge, and nothing along
-it.  With the distance e (px) from a piece of the predicted edge to its events, and the piece's row h of
-`edges.Edges.jacobian`,
-
-    e = h (dp, r) + noise,    information = sum h h' / var,    vector = sum h e / var,
-
-so that a few thousand events become one matrix (6, 6) and one vector (6,) for the Kalman filter.
+Meanwhile `edge_information` makes of a few thousand events one matrix and one vector for the Kalman filter.
 """
 
 from __future__ import annotations
@@ -15,41 +9,22 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from ..geometry.rotations import move, single_rotation_vector
+from ..geometry.rotations import move
 from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
 from ..types import EVENT, Camera, Estimate, Port, Pose
+from .edge_information import EdgeInformation, edge_information
 from .edges import EdgeFinder
 from .fusion import Fusion
-from .motion_model import POSE, RATE, MotionState, repetition
+from .motion_model import MotionState
 
 MEMORY_S = 2.0  # how far back an image may reach
 SAME_VIEW_S = 0.01  # so long, plate and petals hide the same pieces of edges
-
-
-@dataclass(frozen=True)
-class EdgeInformation:
-    """What ``events`` events around a time say of the pose: information (6, 6) and vector (6,) about
-    ``T_cam_port``."""
-
-    t_us: int
-    T_cam_port: Pose
-    information: np.ndarray
-    vector: np.ndarray
-    events: int
-
-    def update(self, state: MotionState) -> MotionState:
-        """A state of an earlier time, predicted and corrected."""
-        state = state.predict(self.t_us)
-        turn = state.T_cam_port.rotation @ self.T_cam_port.rotation.T
-        off = np.concatenate([state.T_cam_port.position_m - self.T_cam_port.position_m,
-                              single_rotation_vector(turn)])  # fmt: skip
-        return state.inform(self.information, self.vector - self.information @ off)
 
 
 class Between:
@@ -172,34 +147,13 @@ class Between:
         return replace(e, T_cam_port=move(e.T_cam_port, back))
 
     def measure(self, events) -> EdgeInformation | None:
-        """What events of a short time say about the predicted pose; None where no edge is known well enough.
-
-        A piece of an edge counts while its place is known to half a gate, and while it moves for sure: one
-        that stands still makes no events.  Its motion says which polarity they have.  Clutter has both: what
-        the other polarity holds is taken away from the events' number n and from the sum of their distances,
-        so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
-        """
-        s, t_us = self.settings, int(events["t_us"].mean())
+        """What events of a short time say about the predicted pose (`edge_information`); None without a
+        track."""
+        t_us = int(events["t_us"].mean())
         if self.state is None or t_us < self.state.t_us or (state := self._fusion.predict(t_us)) is None:
             return None
-        T, P = state.T_cam_port, state.covariance
-        J = self._finder.edges.jacobian(T, self._finder.camera)
-        moves_px_s = J @ state.velocity
-        place_sigma_px, moves_sigma_px_s = (np.sqrt(np.sum(J @ P[k, k] * J, 1)) for k in (POSE, RATE))
-        usable = self._visible_pieces(t_us, T) & (place_sigma_px < s.gate_px / 2)
-        usable &= np.abs(moves_px_s) > s.sure_sigmas * moves_sigma_px_s
-        count, sum_px = self._finder(events, T, usable, s.gate_px)
-        sign = np.where(moves_px_s > 0, 1, -1)  # the bright side moves outward: pixels get brighter
-        n, off_px = sign * (count[1] - count[0]), sign * (sum_px[1] - sum_px[0])
-        clear = n > 0
-        if not clear.any():
-            return None
-        J, n, total = J[clear], n[clear], count.sum(0)[clear]
-        e = off_px[clear] / n - s.outward_px
-        variance = s.sigma_px**2 * total / n**2 + s.common_px**2
-        purity = n.sum() / count.sum()
-        weight = purity**2 / (variance * repetition(1e-6 * s.period_us, s.correlation_s))
-        return EdgeInformation(t_us, T, (J.T * weight) @ J, J.T @ (weight * e), int(n.sum()))
+        visible = self._visible_pieces(t_us, state.T_cam_port)
+        return edge_information(events, state, visible, self._finder, self.settings)
 
     def _now(self, fusion: Fusion, t_us: int) -> Estimate:
         """The track is where its events show the port, and these are late."""

@@ -8,6 +8,7 @@ full.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..pipeline.estimator import Estimator
 from ..types import Estimate, Status, check_time
 from .between import Between
 from .crop import expected_ring
-from .fusion import Fusion
+from .motion_model import MotionState
 
 MOST_SUPPORT = 2  # images that a track is believed by: so many that do not show it there end it
 
@@ -76,17 +77,15 @@ class Tracker:
         if modality not in self.estimators:
             raise ValueError(f"image: expected one of {list(self.estimators)}, got shape {np.shape(image)}")
         self._keep_time(t_us, modality)
+        if self._predict(t_us) is None:
+            self._support = 0
         looks = [(t_us, image)] + ([wider] if wider and wider[0] >= self._track.first_us else [])
-        estimates = []
-        for look_us, look in looks:
-            with self._track.before(look_us) as known:
-                if look_us == t_us and known.predict(t_us) is None:
-                    self._support = 0
-                e, fits = self._measure(known, modality, look, look_us)
-            if fits:
-                return self._answer(e, modality, fits)
-            estimates.append(e)
-        best = max(estimates, key=lambda e: e.T_cam_port is not None)
+        unfit = {}  # of each look its last estimate
+        for e in self._measure(modality, looks):
+            if self._fits(modality, e):
+                return self._answer(e, modality, fits=True)
+            unfit[e.t_us] = e
+        best = max(unfit.values(), key=lambda e: e.T_cam_port is not None)
         return self._answer(best, modality, fits=False)
 
     def add_events(self, events) -> int:
@@ -128,24 +127,28 @@ class Tracker:
             raise ValueError(f"t_us: expected later than {after_us} us, got {t_us} us")
         self._last_us[modality] = t_us
 
-    def _measure(self, track: Fusion, modality: str, image: np.ndarray, t_us: int) -> tuple[Estimate, bool]:
-        """The estimate about the predicted ring or, where that does not fit the track, of the whole image;
-        and whether it fits."""
-        estimator, state = self.estimators[modality], track.predict(t_us)
-        near = state and expected_ring(state, estimator.port, estimator.grid, estimator.settings)
-        self._since_full += 1
-        if near and self._since_full < self.settings.full_frame_every:
-            e, fits = self._judge(track, modality, estimator(image, t_us, near))
-            if fits:
-                return e, fits
-        self._since_full = 0
-        return self._judge(track, modality, estimator(image, t_us))
+    def _measure(self, modality: str, looks: Iterable[tuple[int, np.ndarray]]) -> Iterator[Estimate]:
+        """Of each ``(t_us, image)`` the estimate about the predicted ring, and that of the whole image."""
+        estimator = self.estimators[modality]
+        for t_us, image in looks:
+            state = self._predict(t_us)
+            predicted = state and state.T_cam_port
+            near = state and expected_ring(state, estimator.port, estimator.grid, estimator.settings)
+            self._since_full += 1
+            if near and self._since_full < self.settings.full_frame_every:
+                yield replace(estimator(image, t_us, near), predicted=predicted)
+            self._since_full = 0
+            yield replace(estimator(image, t_us), predicted=predicted)
 
-    def _judge(self, track: Fusion, modality: str, e: Estimate) -> tuple[Estimate, bool]:
-        """An estimate with what the track predicted, and whether it fits the track."""
-        state = track.predict(e.t_us)
-        e = replace(e, predicted=state and state.T_cam_port)
-        return e, track.fits(self._track.as_late(modality, e, track))
+    def _predict(self, t_us: int) -> MotionState | None:
+        """The track's state at a time, by what was known then."""
+        with self._track.before(t_us) as track:
+            return track.predict(t_us)
+
+    def _fits(self, modality: str, e: Estimate) -> bool:
+        """Whether an estimate fits the track as it was known at its time."""
+        with self._track.before(e.t_us) as track:
+            return track.fits(self._track.as_late(modality, e, track))
 
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:
         """What image and track say together, and the track after it."""

@@ -1,0 +1,72 @@
+"""What events say of the port's pose.
+
+Each event near an edge of the port says where that edge is now: across the edge, and nothing along it.  With
+the distance e (px) from a piece of the predicted edge to its events, and the piece's row h of
+`edges.Edges.jacobian`,
+
+    e = h (dp, r) + noise,    information = sum h h' / var,    vector = sum h e / var,
+
+so that a few thousand events become one matrix (6, 6) and one vector (6,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.rotations import single_rotation_vector
+from ..settings import BetweenSettings
+from ..types import Pose
+from .edges import EdgeFinder
+from .motion_model import POSE, RATE, MotionState, repetition
+
+
+@dataclass(frozen=True)
+class EdgeInformation:
+    """What ``events`` events around a time say of the pose: information (6, 6) and vector (6,) about
+    ``T_cam_port``."""
+
+    t_us: int
+    T_cam_port: Pose
+    information: np.ndarray
+    vector: np.ndarray
+    events: int
+
+    def update(self, state: MotionState) -> MotionState:
+        """A state of an earlier time, predicted and corrected."""
+        state = state.predict(self.t_us)
+        turn = state.T_cam_port.rotation @ self.T_cam_port.rotation.T
+        off = np.concatenate([state.T_cam_port.position_m - self.T_cam_port.position_m,
+                              single_rotation_vector(turn)])  # fmt: skip
+        return state.inform(self.information, self.vector - self.information @ off)
+
+
+def edge_information(
+    events, state: MotionState, visible: np.ndarray, finder: EdgeFinder, settings: BetweenSettings
+) -> EdgeInformation | None:
+    """What events (M,) of a short time say about a predicted pose; None where no edge is known well enough.
+
+    A piece of an edge that is ``visible`` (B,) counts while its place is known to half a gate, and while it
+    moves for sure: one that stands still makes no events.  Its motion says which polarity they have.  Clutter
+    has both: what the other polarity holds is taken away from the events' number n and from the sum of their
+    distances, so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
+    """
+    s, T, P = settings, state.T_cam_port, state.covariance
+    J = finder.edges.jacobian(T, finder.camera)
+    moves_px_s = J @ state.velocity
+    place_sigma_px, moves_sigma_px_s = (np.sqrt(np.sum(J @ P[k, k] * J, 1)) for k in (POSE, RATE))
+    usable = visible & (place_sigma_px < s.gate_px / 2)
+    usable &= np.abs(moves_px_s) > s.sure_sigmas * moves_sigma_px_s
+    count, sum_px = finder(events, T, usable, s.gate_px)
+    sign = np.where(moves_px_s > 0, 1, -1)  # the bright side moves outward: pixels get brighter
+    n, off_px = sign * (count[1] - count[0]), sign * (sum_px[1] - sum_px[0])
+    clear = n > 0
+    if not clear.any():
+        return None
+    J, n, total = J[clear], n[clear], count.sum(0)[clear]
+    e = off_px[clear] / n - s.outward_px
+    variance = s.sigma_px**2 * total / n**2 + s.common_px**2
+    purity = n.sum() / count.sum()
+    weight = purity**2 / (variance * repetition(1e-6 * s.period_us, s.correlation_s))
+    return EdgeInformation(state.t_us, T, (J.T * weight) @ J, J.T @ (weight * e), int(n.sum()))
