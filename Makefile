@@ -22,8 +22,8 @@ unexport MPLBACKEND
 # Matplotlib's settings and list of fonts are this environment's: a broken one of the user's would talk in a cell.
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 unexport MATPLOTLIBRC
-# Of results and pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
-book reproduce evaluate serve lab pdf vo: export LMMAP_PRECISION := float32
+# Of pages, so that processors round alike: bfloat16, where there is any, changes errors by a seventh.
+book serve lab pdf: export LMMAP_PRECISION := float32
 
 BIN := .venv/bin
 STAMP := .venv/.installed

@@ -18,6 +18,7 @@ import torch
 from lmmap.geometry.port import on_plane
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.network import faster_precision
 from lmmap.settings import OURS
 from lmmap.tracking.between import Between
 from lmmap.tracking.edges import EdgeFinder
@@ -89,7 +90,7 @@ def main(seconds: float) -> None:
     T, finder = recording.truth.at(np.array([200_000]))[0], EdgeFinder(port, camera)
     usable = finder.edges.visible(T, port, camera)
     window = recording.events[first:][: OURS.events_per_window]
-    estimator = Estimator(camera, modality="event")
+    estimator = Estimator(camera, modality="event", precision=faster_precision())
     image = histogram(window["x"], window["y"], camera.size_px)
     rows = {
         f"kernel, {len(events)} events": lambda: finder(events, T, usable, 2.5),

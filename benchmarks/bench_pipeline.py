@@ -23,6 +23,7 @@ import torch
 from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.network import faster_precision
 from lmmap.pipeline.ring import skeleton_points
 from lmmap.pipeline.run import TimedImage, estimate_images, images
 from lmmap.pipeline.weights import FILTERS
@@ -99,7 +100,10 @@ def main() -> None:
     print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
     window = recording.events[: PAPER.events_per_window]
     for modality in ("rgb", "event"):
-        estimator, nets = Estimator(recording.camera, modality=modality), plain.nets(modality)
+        estimator, nets = (
+            Estimator(recording.camera, modality=modality, precision=faster_precision()),
+            plain.nets(modality),
+        )
         shots = [image for _, image in images(recording, modality)][:IMAGES]
         answers = [estimator(image) for image in shots[:3]]  # warms up, too
         papers(Watch(), nets, estimator, shots[0])

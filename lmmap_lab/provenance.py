@@ -18,6 +18,8 @@ import pandas as pd
 from lmmap.files import InputError, write_text
 from lmmap.shipped import CHECKOUT, DATA, ROOT
 
+# whatever the laboratory computes goes into results or is compared with them: processors shall round alike
+os.environ.setdefault("LMMAP_PRECISION", "float32")
 HOUSES = ("lmmap", "lmmap_lab")
 DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
@@ -112,12 +114,13 @@ def commit() -> str:
 
 
 def provenance(**facts) -> dict:
-    """What made a result: the given facts, the commit, the machine and the versions of packages.
+    """What made a result: the given facts, commit, networks' precision, machine, versions of packages.
 
     It is the same for two runs of one commit on one machine.
     """
-    return {**facts, "commit": commit(), "python": platform.python_version(),
-            "machine": platform.machine(), **{name: version(name) for name in PACKAGES}}  # fmt: skip
+    return {**facts, "commit": commit(), "precision": os.environ["LMMAP_PRECISION"],
+            "python": platform.python_version(), "machine": platform.machine(),
+            **{name: version(name) for name in PACKAGES}}  # fmt: skip
 
 
 def save_json(path: Path, values: dict, **facts) -> Path:

@@ -40,17 +40,19 @@ def test_nothing_half_written_remains(tmp_path):
 
 def test_fingerprint_follows_the_code_the_weights_and_the_pins(tmp_path, monkeypatch):
     monkeypatch.setattr(results, "ROOT", tmp_path)
-    for folder in ("lmmap", "data/weights"):
+    for folder in ("lmmap", "lmmap_lab", "data/weights"):
         (tmp_path / folder).mkdir(parents=True)
-    for name in ("lmmap/types.py", "data/weights/v.json", "environment.txt"):
+    for name in ("lmmap/types.py", "lmmap_lab/bench.py", "data/weights/v.json", "environment.txt"):
         (tmp_path / name).write_text("0")
     seen = {results.fingerprint()}
     for name in ("lmmap/a.py", "data/weights/w.safetensors", "environment.txt"):
         (tmp_path / name).write_text("1")
         seen.add(results.fingerprint())
     (tmp_path / "lmmap" / "a.py").write_text("2")
+    seen.add(results.fingerprint())
+    (tmp_path / "lmmap_lab" / "bench.py").write_text("1")
     seen |= {results.fingerprint(), results.fingerprint("paper")}
-    assert len(seen) == 6
+    assert len(seen) == 7
     (tmp_path / "book.md").write_text("prose")
     assert results.fingerprint() in seen
 
@@ -62,13 +64,15 @@ def test_a_pattern_without_a_file_is_an_error():
 
 def test_a_module_is_made_by_all_that_it_imports():
     files = ("lmmap/camera_files.py", "lmmap/documents.py", "lmmap/files.py")
-    assert results.source_files("camera_files") == files
-    files = results.source_files("pipeline.run")
+    assert results.source_files("lmmap.camera_files") == files
+    files = results.source_files("lmmap.pipeline.run")
     assert {"lmmap/types/pose.py", "lmmap/pipeline/network.py", "lmmap/refinement/joint.py"} < set(files)
-    assert not any(name.startswith(("lmmap_lab/bench", "lmmap_lab/studies", "lmmap/cli")) for name in files)
-    graph = grimp.build_graph("lmmap", cache_dir=None)
-    below = {"lmmap.pipeline.run", *graph.find_upstream_modules("lmmap.pipeline.run")}
-    paths = [results.PACKAGE.parent / name.replace(".", "/") for name in below]
+    assert not any(name.startswith(("lmmap_lab", "lmmap/cli")) for name in files)
+    files = results.source_files("lmmap_lab.bench.simulate")
+    assert {"lmmap_lab/bench/shading.py", "lmmap/types/pose.py"} < set(files)
+    graph = grimp.build_graph("lmmap", "lmmap_lab", cache_dir=None)
+    below = {"lmmap_lab.bench.simulate", *graph.find_upstream_modules("lmmap_lab.bench.simulate")}
+    paths = [results.ROOT / name.replace(".", "/") for name in below]
     expected = [path / "__init__.py" if path.is_dir() else path.with_suffix(".py") for path in paths]
     assert files == tuple(sorted(path.relative_to(results.ROOT).as_posix() for path in expected))
 

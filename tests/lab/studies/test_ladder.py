@@ -6,7 +6,7 @@ from strategies import CAMERA, PORT, pose
 
 from lmmap import Estimator, PrintedEstimator
 from lmmap.geometry.port import ideal_masks
-from lmmap.pipeline.network import crop_bounds
+from lmmap.pipeline.crops import crop_bounds
 from lmmap.pipeline.run import TimedImage
 from lmmap.pipeline.weights import load_networks
 from lmmap.types import Pose, Recording, Status, Trajectory

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from lmmap.pipeline.crops import crop_bounds
 from lmmap.pipeline.network import (
     CHANNELS,
     RECEPTIVE_RADIUS_PX,
     FilterNet,
     MaskNetwork,
     best_precision,
-    crop_bounds,
     encode,
     inputs_of,
     up_to_one_channel,
