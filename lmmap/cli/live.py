@@ -11,7 +11,8 @@ from contextlib import nullcontext
 import numpy as np
 
 from ..files import check_output
-from ..recordings import live as devices
+from ..pipeline.run import newest_images
+from ..recordings import devices
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
@@ -64,7 +65,7 @@ def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
         count = estimator.settings.events_per_window
         take = _Between(tracker, a.between, tell) if a.between else None
         try:
-            for image in devices.newest(device, a.modality, count, seconds=a.seconds, take_events=take):
+            for image in newest_images(device, a.modality, count, seconds=a.seconds, take_events=take):
                 skipped += image.skipped + (image.t_us <= last_us)
                 if image.t_us <= last_us:  # a clock that stood still or went back
                     continue

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ..settings import OURS, PAPER
-from ..types import EVENT
+from ..types import EVENT, concatenate_events
 
 LONG_GAP_S = 10.0  # without an event: longer, and it is named
 
@@ -21,18 +21,6 @@ def windows(events, count: int = PAPER.events_per_window) -> list[slice]:
     """
     _check_count(count)
     return [slice(i, i + count) for i in range(0, len(events) - count + 1, count)]
-
-
-def scaled_count(size_px: tuple[int, int]) -> int:
-    """The paper's N kept per pixel: 35 000 at 346 x 260 px, 0.39 a pixel."""
-    return max(1, round(PAPER.events_per_window * size_px[0] * size_px[1] / (346 * 260)))
-
-
-def concatenate_events(chunks: Iterable[np.ndarray]) -> np.ndarray:
-    """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields."""
-    return np.concatenate([np.zeros(0, "V16"), *(np.ascontiguousarray(c).view("V16") for c in chunks)]).view(
-        EVENT
-    )
 
 
 def windows_of(
@@ -157,45 +145,3 @@ def window_histograms(
 def _check_count(count: int) -> None:
     if count < 1:
         raise ValueError(f"count: expected at least 1, got {count}")
-
-
-def from_columns(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.ndarray:
-    """Events (M,) EVENT of four columns as foreign formats hold them, unsorted as they are.
-
-    Parameters
-    ----------
-    t
-        Times (M,), in microseconds, or in seconds where ``seconds``; rounded to microseconds.
-    x, y
-        Columns and rows (M,).
-    p
-        Polarities (M,), {0, 1} or {-1, 1}.
-    offset_us
-        Added to every time.
-
-    Raises
-    ------
-    ValueError
-        For columns of different length, values that are not finite or not representable, other polarities.
-    """
-    t, x, y, p = (np.asarray(a) for a in (t, x, y, p))
-    if not t.shape == x.shape == y.shape == p.shape or t.ndim != 1:
-        raise ValueError(
-            f"events: expected columns of one length, got {t.shape}, {x.shape}, {y.shape}, {p.shape}"
-        )
-    events = np.zeros(len(t), EVENT)
-    if not len(t):
-        return events
-    (t0, t1), *spans, (p0, p1) = ((a.min().item(), a.max().item()) for a in (t, x, y, p))
-    if not np.all(np.isfinite([t0, t1, *np.ravel(spans), p0, p1])):  # NaN passes through min and max
-        raise ValueError("events: a value is not finite")
-    if max(-t0, t1) * (1e6 if seconds else 1) + abs(offset_us) > 2**62:
-        raise ValueError("events: a time does not fit 64 bit of microseconds")
-    if min(min(spans)) < -32_768 or max(max(s) for s in spans) > 32_767:
-        raise ValueError("events: a coordinate does not fit 16 bit")
-    signed = p0 < 0
-    if p0 < -1 or p1 > 1 or (p.dtype.kind not in "bu" and not np.all((p == 1) | (p == -int(signed)))):
-        raise ValueError("events: expected polarities {0, 1} or {-1, 1}")
-    events["t_us"] = (np.rint(t * 1e6) if seconds else t).astype(np.int64) + offset_us
-    events["x"], events["y"], events["p"] = x, y, p > 0
-    return events

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..settings import OURS, Settings
+from ..settings import OURS, Settings, scaled_count
 from ..types import Camera, Estimate, Port, check_time
-from .histograms import scaled_count
 from .inputs import AnyCamera, as_camera, check_image
 from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
 from .weights import load_networks

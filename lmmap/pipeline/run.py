@@ -1,9 +1,10 @@
-"""From a recording to poses: its images in order, their estimates, and both cameras' estimates merged."""
+"""From a recording or a device to images in order, and from images to estimates; of both cameras merged."""
 
 from __future__ import annotations
 
 import heapq
 import math
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -13,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ..settings import Settings
-from ..types import AnyRecording, Estimate, InputError, Pose
+from ..settings import OURS, Settings
+from ..types import EVENT, AnyRecording, Estimate, InputError, Pose, concatenate_events
 from . import agreement
 from .crops import AT_ONCE, workers
 from .estimator import Estimator
@@ -75,6 +76,56 @@ def _frames(recording: AnyRecording, rate_hz: float | None) -> Iterator[TimedIma
 def images(*args, **options) -> Iterator[tuple[int, np.ndarray]]:
     """``(t_us, image)`` of each of `timed_images`, which has the same arguments."""
     return ((timed.t_us, timed.image) for timed in timed_images(*args, **options))
+
+
+class LiveImage(NamedTuple):
+    """An image, the times of it and of its newest event (us), and how many were skipped before it; of
+    events also the time and image of a wider window, or None."""
+
+    t_us: int
+    image: np.ndarray
+    newest_us: int
+    skipped: int
+    wider: tuple[int, np.ndarray] | None = None
+
+
+def newest_images(
+    device,
+    modality: str,
+    count: int,
+    wait_s: float = 0.001,
+    seconds: float | None = None,
+    take_events: Callable[[np.ndarray], None] | None = None,
+) -> Iterator[LiveImage]:
+    """The newest frame of a device, or the histogram of its newest ``count`` events once so many are new, as
+    long as it runs, or for so many seconds; a wider one where its time is after the image before.
+
+    Nothing queues: what could not be looked at in time is counted as skipped, so that a slow machine answers
+    late for few images, not later and later for all.  ``take_events`` is called with all events (M,) that
+    have come, before an image is made of them.
+    """
+    recent, fresh, before_us = np.zeros(0, EVENT), 0, None
+    began = time.monotonic()
+    while device.running() and (seconds is None or time.monotonic() - began < seconds):
+        if not (pending := device.pending(modality)):
+            time.sleep(wait_s)
+            continue
+        if modality == "rgb":
+            t_us, frame = pending[-1]
+            yield LiveImage(t_us, frame, t_us, len(pending) - 1)
+            continue
+        come = concatenate_events(pending)
+        if take_events is not None and len(come):
+            take_events(come)
+        fresh += len(come)
+        recent = concatenate_events([recent, come])[-math.ceil(OURS.second_look_factor) * count :]
+        if fresh < count:
+            time.sleep(wait_s)
+            continue
+        skipped, fresh = fresh // count - 1, 0
+        first, *wider = window_histograms(recent, count, device.size_px, before_us)
+        yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
+        before_us = first[0]
 
 
 def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files import regular_file
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from .stream import Source, in_chunks, input_errors
 
 PIECE = 1 << 16  # bytes decoded at once
@@ -62,7 +62,7 @@ def _decode(runs: Iterator[bytes], height_px: int) -> Iterator[np.ndarray]:
         is_event = code < SKIP
         x, y = (data[whole[is_event, None] + 1 + np.arange(4)].view("<u2").astype(np.int64)).T
         # the format counts rows from below
-        yield from_columns(t_us[is_event], x, height_px - 1 - y, code[is_event] & 1)
+        yield event_array(t_us[is_event], x, height_px - 1 - y, code[is_event] & 1)
     if rest:
         raise ValueError(f"it ends {len(rest)} bytes into an event of {EVENT_BYTES}")
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pipeline.histograms import from_columns
-from ..types import EVENT
+from ..types import EVENT, event_array
 
 
 def _latest(is_set: np.ndarray, values: np.ndarray, before) -> np.ndarray:
@@ -59,7 +58,7 @@ class Evt2:
         is_event = (kind <= 1) & (high >= 0)
         w = words[is_event]
         t_us = high[is_event] << 6 | (w >> 22 & 0x3F).astype(np.int64)
-        return from_columns(t_us, w >> 11 & 0x7FF, w & 0x7FF, w >> 28 == 1)
+        return event_array(t_us, w >> 11 & 0x7FF, w & 0x7FF, w >> 28 == 1)
 
 
 class Evt21:
@@ -86,7 +85,7 @@ class Evt21:
         is_event = (kind <= 1) & (high >= 0)
         w, high, (row, bit) = upper[is_event], high[is_event], _set_bits(valid[is_event], 32)
         t_us = high << 6 | (w >> 22 & 0x3F).astype(np.int64)
-        return from_columns(t_us[row], (w >> 11 & 0x7FF)[row] + bit, (w & 0x7FF)[row], (w >> 28 == 1)[row])
+        return event_array(t_us[row], (w >> 11 & 0x7FF)[row] + bit, (w & 0x7FF)[row], (w >> 28 == 1)[row])
 
 
 def _at(where: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -151,7 +150,7 @@ class Evt3:
         row, bit = _set_bits(mask[is_event], 12)
         place, line = place[is_event][row] + bit, line[is_event][row]
         x, y = (place, line) if c.line_is_y else (line, place)
-        return from_columns(t_us[is_event][row], x, y, on[is_event][row] == 1)
+        return event_array(t_us[is_event][row], x, y, on[is_event][row] == 1)
 
     def _times_us(self, kind: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Time (N,) at each word, -1 before both parts of it are known."""
@@ -171,4 +170,4 @@ MONO = np.dtype([("ns", "<u4"), ("x", "<u2"), ("y", "<u2")])  # the highest bit 
 def mono(e: np.ndarray, time_base_ns: int) -> np.ndarray:
     """Events (M,) EVENT of records (M,) `MONO`, the codec "mono"."""
     t_us = (e["ns"].astype(np.int64) + (time_base_ns + 500)) // 1000
-    return from_columns(t_us, e["x"], e["y"] & 0x7FFF, e["y"] >> 15 == 1)
+    return event_array(t_us, e["x"], e["y"] & 0x7FFF, e["y"] >> 15 == 1)

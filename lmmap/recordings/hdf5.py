@@ -9,8 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ..pipeline.histograms import from_columns
-from ..types import Recording
+from ..types import Recording, event_array
 from . import prophesee
 from .hdf5_datasets import new_file, open_dataset, rows_at_once
 from .limits import MAX_TIME_US, check_image
@@ -68,7 +67,7 @@ def _dsec(path: Path) -> Iterator[np.ndarray]:
         offset_us, columns = _offset_us(file), _columns(file)
         step = rows_at_once(CHUNK, *columns)
         for i in range(0, len(columns[0]), step):
-            yield from pieces(from_columns(*(c[i : i + step] for c in columns), offset_us=offset_us), CHUNK)
+            yield from pieces(event_array(*(c[i : i + step] for c in columns), offset_us=offset_us), CHUNK)
 
 
 def _mvsec(path: Path) -> Iterator[np.ndarray]:
@@ -79,7 +78,7 @@ def _mvsec(path: Path) -> Iterator[np.ndarray]:
         step = rows_at_once(CHUNK, rows)
         for i in range(0, len(rows), step):
             x, y, t, p = rows[i : i + step].T
-            yield from pieces(from_columns(t, x, y, p, seconds=True), CHUNK)
+            yield from pieces(event_array(t, x, y, p, seconds=True), CHUNK)
 
 
 def _prophesee(path: Path) -> Iterator[np.ndarray]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from ..pipeline.histograms import scaled_count
-from ..types import InputError, Recording
-from .stream import Stream, inside
+from ..settings import scaled_count
+from ..types import InputError, Recording, on_sensor
+from .stream import Stream
 
 MAX_SENSOR_PIXELS = 2**23  # where no calibration says the size; the largest event cameras have 0.9 million
 
@@ -32,7 +32,7 @@ def health(recording: Recording | Stream) -> dict:
         largest_us = max(largest_us, steps.max(initial=0))
         gaps, backward = gaps + np.sum(steps > 10_000), backward + np.sum(steps < 0)
         events, on = events + len(e), on + np.count_nonzero(e["p"])
-        good = e[inside(e, (width, height))]
+        good = e[on_sensor(e, (width, height))]
         within += len(good)
         count += np.bincount(good["y"].astype(np.intp) * width + good["x"], minlength=len(count))
     frames_t_us = np.array([t_us for t_us, _ in recording.timed_frames()], np.int64)

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from ..files import regular_file
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from .evt import Evt2, Evt3, Evt21, HighTime
 from .hdf5_datasets import open_dataset, rows_at_once
 from .stream import CHUNK, Source, in_chunks, input_errors, pieces
@@ -60,7 +60,7 @@ def _dat(path: Path, start: int):
 
     def events(e: np.ndarray) -> np.ndarray:
         xyp = e["xyp"]
-        return from_columns(time.unroll(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
+        return event_array(time.unroll(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
 
     with _file_errors(path):
         yield from in_chunks(events(e) for e in _words(path, start, record))
@@ -123,7 +123,7 @@ def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:
     step = rows_at_once(CHUNK, rows)
     for i in range(0, len(rows), step):
         e = rows[i : i + step]
-        yield from pieces(from_columns(*(e[name] for name in "txyp")), CHUNK)
+        yield from pieces(event_array(*(e[name] for name in "txyp")), CHUNK)
 
 
 def hdf5_span_us(file: h5py.File) -> tuple[int, int] | None:

@@ -16,7 +16,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from ..files import regular_file
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from .bounded_bag import BoundedReader
 from .images import decode
 from .limits import check_image
@@ -156,7 +156,7 @@ def _events(raw: bytes, definition: str):
     # (ns // 500 + 1) // 2 is (ns + 500) // 1000, but does not overflow; 64 bit would take twice as long
     t_us = e["ts"]["s"].astype(np.int64) * 10**6 + (e["ts"]["ns"] // 500 + 1) // 2
     size = {names[1]: first, names[2]: second}
-    return (size["width"], size["height"]), from_columns(t_us, e["x"], e["y"], e["polarity"])
+    return (size["width"], size["height"]), event_array(t_us, e["x"], e["y"], e["polarity"])
 
 
 def _fields(definition: str) -> list[tuple[str, str]]:

@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReaderError
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from . import evt, rosbag
 from .bounded_bag2 import open_bag
 from .stream import Source, in_chunks, input_errors
@@ -132,13 +132,13 @@ def _array_events(raw: bytes, fields: list[str]) -> np.ndarray:
     at = _after_header(raw) + 8
     (count,) = struct.unpack_from("<I", raw, at)
     if not count:
-        return from_columns([], [], [], [])
+        return event_array([], [], [], [])
     if at + STRIDE * count + 1 > len(raw):
         raise ValueError(f"an event array of {len(raw)} bytes for {count} events")
     e = np.ndarray(count, RECORD, raw, at, (STRIDE,))
     x, y = e["x"].copy(), e["y"].copy()
     x[0], y[0] = struct.unpack_from("<HH", raw, at + 4)  # the first is aligned already
-    return from_columns(
+    return event_array(
         e["s"].astype(np.int64) * 10**6 + (e["ns"].astype(np.int64) + 500) // 1000, x, y, e["p"]
     )
 

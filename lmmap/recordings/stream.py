@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..pipeline.histograms import concatenate_events
-from ..types import Camera, InputError, Recording, Trajectory
+from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
 from .limits import check_times
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
@@ -167,7 +166,7 @@ def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> It
                 f"time of the events runs backward by {by_us} us after number {before + k}; "
                 "sort by time, or cut the recording there ('lmmap info' counts such faults)"
             )
-        if len(outside := np.flatnonzero(~inside(e, size_px))):
+        if len(outside := np.flatnonzero(~on_sensor(e, size_px))):
             k = outside[0]
             raise ValueError(
                 f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
@@ -190,10 +189,3 @@ def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple
             )
         last_us = t_us
         yield t_us, frame
-
-
-def inside(events: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """Which events (M,) EVENT lie on the sensor, (M,) bool."""
-    # as unsigned numbers, negative coordinates are large ones
-    x, y = (events[name].astype(np.uint16) for name in ("x", "y"))
-    return (x < size_px[0]) & (y < size_px[1])

@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.lib import format as npy_format
 
 from ..files import regular_file
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from .limits import MAX_LINE_BYTES
 from .stream import CHUNK, Source, input_errors, pieces
 from .text import ShortLines
@@ -122,7 +122,7 @@ def _events(values: dict[str, np.ndarray], unit: str | None) -> np.ndarray:
     seconds = t.dtype.kind == "f" and unit in (None, "s", "sec", "seconds")
     if not seconds and unit is not None:
         t = _microseconds(t, NANOSECONDS[unit])
-    return from_columns(t, values["x"], values["y"], values["p"], seconds=seconds)
+    return event_array(t, values["x"], values["y"], values["p"], seconds=seconds)
 
 
 def _microseconds(t: np.ndarray, unit_ns: int) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..files import regular_file
-from ..pipeline.histograms import from_columns
+from ..types import event_array
 from .limits import MAX_LINE_BYTES
 from .stream import CHUNK, Source, input_errors
 
@@ -35,7 +35,7 @@ def events(path: Path) -> Iterator[np.ndarray]:
             if time_kind not in (None, kind):
                 raise ValueError("times with and without a decimal point")
             time_kind = kind
-            yield from_columns(*(table[name].to_numpy() for name in "txyp"), seconds=kind == "f")
+            yield event_array(*(table[name].to_numpy() for name in "txyp"), seconds=kind == "f")
 
 
 class ShortLines:

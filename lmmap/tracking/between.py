@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from ..geometry.rotations import move
-from ..pipeline.histograms import concatenate_events
 from ..settings import OURS, BetweenSettings
-from ..types import EVENT, Camera, Estimate, Port, Pose
+from ..types import EVENT, Camera, Estimate, Port, Pose, concatenate_events
 from .edge_information import EdgeInformation, edge_information
 from .edges import EdgeFinder
 from .fusion import Fusion

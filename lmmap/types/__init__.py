@@ -12,9 +12,10 @@ from .camera import Camera
 from .checks import check_number, check_time
 from .ellipse import Ellipse
 from .estimate import Estimate, Status
+from .events import EVENT, concatenate_events, event_array, on_sensor
 from .port import Port
 from .pose import Pose, Trajectory
-from .recording import EVENT, AnyRecording, Recording
+from .recording import AnyRecording, Recording
 
 __all__ = [
     "EVENT",
@@ -30,5 +31,8 @@ __all__ = [
     "Trajectory",
     "check_number",
     "check_time",
+    "concatenate_events",
+    "event_array",
     "frozen_array",
+    "on_sensor",
 ]

@@ -11,7 +11,6 @@ import numpy as np
 from .camera import Camera
 from .pose import Trajectory
 
-EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
 CHUNK_EVENTS = 1_000_000
 
 

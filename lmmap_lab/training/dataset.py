@@ -15,11 +15,10 @@ import joblib
 import numpy as np
 
 from lmmap.files import atomic
-from lmmap.pipeline.histograms import concatenate_events
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.stream import Stream
 from lmmap.settings import PAPER
-from lmmap.types import EVENT, Port, Recording
+from lmmap.types import EVENT, Port, Recording, concatenate_events
 
 from ..bench import labels, sequences, varied
 from ..bench.renderer import ray_grid

@@ -8,14 +8,13 @@ from strategies import cut, seeds
 
 from lmmap.pipeline.histograms import (
     histogram,
-    scaled_count,
     window_histograms,
     windows,
     windows_at,
     windows_before,
     windows_of,
 )
-from lmmap.settings import OURS, PAPER
+from lmmap.settings import OURS, PAPER, scaled_count
 from lmmap.types import EVENT
 
 

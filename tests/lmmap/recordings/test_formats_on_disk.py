@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from lmmap.pipeline.histograms import from_columns
 from lmmap.recordings import rosbag
 from lmmap.recordings.formats import open_recording
-from lmmap.types import EVENT, Camera, InputError
+from lmmap.types import EVENT, Camera, InputError, event_array
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 START_US = 1_600_000_000_123_456  # an epoch offset
@@ -158,10 +157,10 @@ def test_video(tmp_path):
 
 def test_columns_refuse_what_events_cannot_hold():
     good = [1.0], [2], [3], [1]
-    assert from_columns(*good, seconds=True)["t_us"] == 1_000_000
+    assert event_array(*good, seconds=True)["t_us"] == 1_000_000
     for at, value in ((0, [1e300]), (0, [np.inf]), (1, [40_000]), (3, [2]), (2, [1, 2])):
         with pytest.raises(ValueError, match="events: "):
-            from_columns(*(value if i == at else c for i, c in enumerate(good)))
+            event_array(*(value if i == at else c for i, c in enumerate(good)))
 
 
 def test_kalibr_camchain(tmp_path):

@@ -1,39 +1,23 @@
-"""Images as they come: from an attached camera, or from a recording played in the time that it took.
+"""What is read as it comes: an attached camera, or a recording played in the time that it took.
 
-A device has ``size_px``, ``running()``, ``now_us()`` and ``pending(modality)``, what has come since
-the last call: chunks of events, or ``(t_us, frame)``.  `newest` never queues: what could not be looked at in
-time is counted as skipped, so that a slow machine answers late for few images, not later and later for all.
+A device has ``size_px``, ``running()``, ``now_us()`` and ``pending(modality)``, what has come since the last
+call: chunks of events, or ``(t_us, frame)``.
 """
 
 from __future__ import annotations
 
-import math
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable
 
 import dv_processing as dv
 import numpy as np
 
-from ..pipeline.histograms import concatenate_events, window_histograms
-from ..settings import OURS
 from ..types import EVENT, InputError
 from .aedat4 import rgb
 from .stream import Stream
 
 LONGEST_GAP_S = 10.0  # of a recording that is played: a longer one is passed over
-
-
-class LiveImage(NamedTuple):
-    """An image, the times of it and of its newest event (us), and how many were skipped before it; of
-    events also the time and image of a wider window, or None."""
-
-    t_us: int
-    image: np.ndarray
-    newest_us: int
-    skipped: int
-    wider: tuple[int, np.ndarray] | None = None
 
 
 class Played:
@@ -121,40 +105,3 @@ class Attached:
         if newest_us is not None and self._offset_us is None:
             self._offset_us = int(newest_us) - time.monotonic_ns() // 1000
         return data
-
-
-def newest(
-    device,
-    modality: str,
-    count: int,
-    wait_s: float = 0.001,
-    seconds: float | None = None,
-    take_events: Callable[[np.ndarray], None] | None = None,
-) -> Iterator[LiveImage]:
-    """The newest frame, or the histogram of the newest ``count`` events once so many are new, as long as
-    the device runs, or for so many seconds; a wider one where its time is after the image before.
-
-    ``take_events`` is called with all events (M,) that have come, before an image is made of them.
-    """  # fmt: skip
-    recent, fresh, skipped, before_us = np.zeros(0, EVENT), 0, 0, None
-    began = time.monotonic()
-    while device.running() and (seconds is None or time.monotonic() - began < seconds):
-        if not (pending := device.pending(modality)):
-            time.sleep(wait_s)
-            continue
-        if modality == "rgb":
-            t_us, frame = pending[-1]
-            yield LiveImage(t_us, frame, t_us, len(pending) - 1)
-            continue
-        come = concatenate_events(pending)
-        if take_events is not None and len(come):
-            take_events(come)
-        fresh += len(come)
-        recent = concatenate_events([recent, come])[-math.ceil(OURS.second_look_factor) * count :]
-        if fresh < count:
-            time.sleep(wait_s)
-            continue
-        skipped, fresh = fresh // count - 1, 0
-        first, *wider = window_histograms(recent, count, device.size_px, before_us)
-        yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
-        before_us = first[0]

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lmmap.recordings import live
+from lmmap.pipeline.run import newest_images
+from lmmap.recordings import devices
 from lmmap.recordings.stream import Source, Stream
 from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, InputError
@@ -30,7 +31,7 @@ def played(clock):
     e["x"] = np.arange(1000) % 64
     frames = [(START_US + 100_000 * k, np.full((48, 64, 3), k, np.uint8)) for k in range(10)]
     source = Source(Path("r"), (64, 48), lambda: iter(np.split(e, [10, 333, 800])), lambda: iter(frames))
-    return live.Played(Stream("r", CAMERA, source), clock), e
+    return devices.Played(Stream("r", CAMERA, source), clock), e
 
 
 def test_events_come_when_they_are_due():
@@ -48,7 +49,7 @@ def test_events_come_when_they_are_due():
 
 def test_the_newest_is_taken_and_the_rest_is_counted():
     device, _ = played(clock := Clock())
-    shots = live.newest(device, "event", 100)
+    shots = newest_images(device, "event", 100)
     clock_steps = iter([0.15, 0.45, 0.39])
     device.pending("event")
     seen, before_us = [], 0
@@ -67,7 +68,7 @@ def test_the_newest_is_taken_and_the_rest_is_counted():
         before_us = shot.t_us
     assert seen == [0, 3, 2]  # 150, 450 and 390 new events, in windows of 100
     device, _ = played(clock := Clock())
-    shots = live.newest(device, "rgb", 0)
+    shots = newest_images(device, "rgb", 0)
     assert next(shots).image[0, 0, 0] == 0
     clock.s += 0.35
     shot = next(shots)
@@ -79,14 +80,14 @@ def test_the_first_of_many_gaps_is_named():
     e = np.zeros(6, EVENT)
     e["t_us"] = START_US + 60_000_000 * np.arange(6)
     source = Source(Path("r"), (64, 48), lambda: iter(np.split(e, 6)))
-    device = live.Played(Stream("r", CAMERA, source), Clock())
+    device = devices.Played(Stream("r", CAMERA, source), Clock())
     with pytest.warns(UserWarning, match="nothing for 60 s") as noted:
         while device.running():
             device.pending("event")
     assert len(noted) == 1
 
 
-@pytest.mark.skipif(bool(live.dv.io.camera.discover()), reason="a camera is attached here")
+@pytest.mark.skipif(bool(devices.dv.io.camera.discover()), reason="a camera is attached here")
 def test_no_camera_is_said():
     with pytest.raises(InputError, match="no camera found; attach one"):
-        live.Attached()
+        devices.Attached()

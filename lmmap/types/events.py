@@ -1,0 +1,67 @@
+"""Events as arrays: what one is, and arrays made, joined and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from .checks import MAX_TIME_US
+
+EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], align=True)
+COORDINATE = np.iinfo(EVENT["x"])
+
+
+def event_array(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.ndarray:
+    """Events (M,) EVENT of four columns as foreign formats hold them, unsorted as they are.
+
+    Parameters
+    ----------
+    t
+        Times (M,), in microseconds, or in seconds where ``seconds``; rounded to microseconds.
+    x, y
+        Columns and rows (M,).
+    p
+        Polarities (M,), {0, 1} or {-1, 1}.
+    offset_us
+        Added to every time.
+
+    Raises
+    ------
+    ValueError
+        For columns of different length, values that are not finite or not representable, other polarities.
+    """
+    t, x, y, p = (np.asarray(a) for a in (t, x, y, p))
+    if not t.shape == x.shape == y.shape == p.shape or t.ndim != 1:
+        raise ValueError(
+            f"events: expected columns of one length, got {t.shape}, {x.shape}, {y.shape}, {p.shape}"
+        )
+    events = np.zeros(len(t), EVENT)
+    if not len(t):
+        return events
+    (t0, t1), *spans, (p0, p1) = ((a.min().item(), a.max().item()) for a in (t, x, y, p))
+    if not np.all(np.isfinite([t0, t1, *np.ravel(spans), p0, p1])):  # NaN passes through min and max
+        raise ValueError("events: a value is not finite")
+    if max(-t0, t1) * (1e6 if seconds else 1) + abs(offset_us) > MAX_TIME_US:
+        raise ValueError("events: a time does not fit 64 bit of microseconds")
+    if np.min(spans) < COORDINATE.min or np.max(spans) > COORDINATE.max:
+        raise ValueError("events: a coordinate does not fit 16 bit")
+    signed = p0 < 0
+    if p0 < -1 or p1 > 1 or (p.dtype.kind not in "bu" and not np.all((p == 1) | (p == -int(signed)))):
+        raise ValueError("events: expected polarities {0, 1} or {-1, 1}")
+    events["t_us"] = (np.rint(t * 1e6) if seconds else t).astype(np.int64) + offset_us
+    events["x"], events["y"], events["p"] = x, y, p > 0
+    return events
+
+
+def concatenate_events(chunks: Iterable[np.ndarray]) -> np.ndarray:
+    """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields."""
+    packed = (np.ascontiguousarray(chunk).view("V16") for chunk in chunks)
+    return np.concatenate([np.zeros(0, "V16"), *packed]).view(EVENT)
+
+
+def on_sensor(events: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+    """Which events (M,) EVENT lie on a sensor of (width, height), shape (M,)."""
+    # as unsigned numbers, negative coordinates are large ones
+    x, y = (events[name].astype(np.uint16) for name in ("x", "y"))
+    return (x < size_px[0]) & (y < size_px[1])
