@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -21,44 +21,39 @@ from backports import zstd
 
 from ..types import EVENT
 from .limits import MAX_CHUNK_BYTES, MAX_RECORD_BYTES, check_image
-from .stream import Source, in_chunks, input_errors, no_events, no_frames
+from .stream import Source, in_chunks, nothing, reader
 
 MAGIC = b"#!AER-DAT4.0\r\n"
 FIRST_FRAMES = 100  # whose exposure is looked at
 CHANNELS = {0: 1, 16: 3, 24: 4}  # of a frame, by its format: gray, BGR, BGRA
 DECOMPRESSORS = {1: lz4.frame.LZ4FrameDecompressor, 2: lz4.frame.LZ4FrameDecompressor,
                  3: zstd.ZstdDecompressor, 4: zstd.ZstdDecompressor}  # fmt: skip
+DAMAGE = zstd.ZstdError, RuntimeError, ElementTree.ParseError
 
 
+@reader("damaged AEDAT4", "record or copy the file again", DAMAGE)
 def read(path: Path) -> Source:
     """What is in a file; raises `InputError`.  Events and frames are of the first stream of each kind.
 
     Values are as stored: nothing here checks the order of time or the range of coordinates.
     """
-    with _file_errors(path):
-        compression, end, streams = _header(path)
-        if end >= 0 and not _whole_table(path, end, compression):
-            raise ValueError("truncated in its table of packets")
-        kinds = {kind: (k, size_px) for k, (kind, size_px) in reversed(streams.items())}
-        used = {kind: kinds[kind] for kind in ("EVTS", "FRME") if kind in kinds}
-        sizes = {size_px for _, size_px in used.values()}
-        if len(sizes) != 1:
-            raise ValueError(f"expected events or frames of one size, found {sorted(sizes)}")
-        (size_px,) = sizes
-        spans = [
-            (at, size) for k, at, size in _packets(path, end, streams) if k == used.get("EVTS", (None,))[0]
-        ]
-        span_us = None
-        if spans:
-            first, last = (_events_of(_content(path, compression, *spans[i])) for i in (0, -1))
-            span_us = (int(first["t_us"][0]), int(last["t_us"][-1])) if len(first) and len(last) else None
-        events, frames = (
-            partial(generator, path, used[kind][0]) if kind in used else nothing
-            for kind, generator, nothing in (("EVTS", _events, no_events), ("FRME", _frames, no_frames))
-        )
-        kinds = sorted({kind for kind, _ in streams.values()})
-        details = partial(_details, path, kinds, used.get("FRME", (None,))[0])
-        return Source(path, size_px, events, frames, span_us, details)
+    compression, end, streams = _header(path)
+    if end >= 0 and not _whole_table(path, end, compression):
+        raise ValueError("truncated in its table of packets")
+    first = {kind: (k, size_px) for k, (kind, size_px) in reversed(streams.items())}
+    used = {kind: first[kind] for kind in ("EVTS", "FRME") if kind in first}
+    sizes = {size_px for _, size_px in used.values()}
+    if len(sizes) != 1:
+        raise ValueError(f"expected events or frames of one size, found {sorted(sizes)}")
+    number = {kind: used[kind][0] if kind in used else None for kind in ("EVTS", "FRME")}
+    span_us, places = None, list(_packets(path, end, streams, number["EVTS"]))
+    if places:
+        ends = [_events_of(content) for content in _contents(path, compression, (places[0], places[-1]))]
+        span_us = (int(ends[0]["t_us"][0]), int(ends[1]["t_us"][-1])) if all(map(len, ends)) else None
+    events, frames = (partial(function, path, number[kind]) if kind in used else nothing
+                      for kind, function in (("EVTS", _events), ("FRME", _frames)))  # fmt: skip
+    details = partial(_details, path, sorted(first), number["FRME"])
+    return Source(path, *sizes, events, frames, span_us, details)
 
 
 def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]]]:
@@ -102,8 +97,8 @@ def _whole_table(path: Path, at: int, compression: int) -> bool:
         return False
 
 
-def _packets(path: Path, end: int, streams) -> Iterator[tuple[int, int, int]]:
-    """Stream, place and size of each packet; of a recording that was cut off, of its whole packets."""
+def _packets(path: Path, end: int, streams, wanted: int | None) -> Iterator[tuple[int, int]]:
+    """Place and size of a stream's packets; of a recording that was cut off, of its whole packets."""
     stop = path.stat().st_size if end < 0 else end
     with path.open("rb") as file:
         file.seek(len(MAGIC))
@@ -116,17 +111,24 @@ def _packets(path: Path, end: int, streams) -> Iterator[tuple[int, int, int]]:
                 raise ValueError(f"damaged packet at byte {at}")
             if not whole:
                 return
-            yield stream, at + 8, size
+            if stream == wanted:
+                yield at + 8, size
             at += 8 + size
             file.seek(at)
         if end >= 0 and at != end:
             raise ValueError(f"damaged packet before byte {end}")
 
 
-def _content(path: Path, compression: int, at: int, size: int) -> bytes:
+def _contents(path: Path, compression: int, places: Iterable[tuple[int, int]]) -> Iterator[bytes]:
     with path.open("rb") as file:
-        file.seek(at)
-        return _decompress(file.read(size), compression)
+        for at, size in places:
+            file.seek(at)
+            yield _decompress(file.read(size), compression)
+
+
+def _stream(path: Path, number: int) -> Iterator[bytes]:
+    compression, end, streams = _header(path)
+    return _contents(path, compression, _packets(path, end, streams, number))
 
 
 def _decompress(data: bytes, compression: int) -> bytes:
@@ -139,18 +141,8 @@ def _decompress(data: bytes, compression: int) -> bytes:
     return content
 
 
-def _contents(path: Path, wanted: int) -> Iterator[bytes]:
-    compression, end, streams = _header(path)
-    with path.open("rb") as file:
-        for stream, at, size in _packets(path, end, streams):
-            if stream == wanted:
-                file.seek(at)
-                yield _decompress(file.read(size), compression)
-
-
 def _events(path: Path, stream: int) -> Iterator[np.ndarray]:
-    with _file_errors(path):
-        yield from in_chunks(_events_of(content) for content in _contents(path, stream))
+    return in_chunks(_events_of(content) for content in _stream(path, stream))
 
 
 def _events_of(content: bytes) -> np.ndarray:
@@ -164,24 +156,23 @@ def _details(path: Path, kinds: list[str], frames: int | None) -> dict:
     """Kinds of the file's streams, and the median exposure of its first frames."""
     if frames is None:
         return {"streams": kinds}
-    with _file_errors(path):
-        first = islice(_contents(path, frames), FIRST_FRAMES)
-        exposures_us = [_Table(content).number(11, "<q") for content in first]
+    exposures_us = [
+        _Table(content).number(11, "<q") for content in islice(_stream(path, frames), FIRST_FRAMES)
+    ]
     known = any(exposures_us)
     return {"streams": kinds, "exposure_ms": float(np.median(exposures_us)) / 1000 if known else None}
 
 
 def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
-    with _file_errors(path):
-        for content in _contents(path, stream):
-            frame = _Table(content)
-            kind, width, height = (frame.number(k, form) for k, form in ((5, "<b"), (6, "<h"), (7, "<h")))
-            if kind not in CHANNELS:
-                raise ValueError(f"a frame of unknown format {kind}")
-            check_image(width, height)
-            pixels = frame.vector(10, "u1").reshape(height, width, CHANNELS[kind])
-            # stamped at the start of the exposure; ours is its middle
-            yield frame.number(0, "<q") + round(frame.number(11, "<q") / 2), rgb(pixels)
+    for content in _stream(path, stream):
+        frame = _Table(content)
+        kind, width, height = (frame.number(k, form) for k, form in ((5, "<b"), (6, "<h"), (7, "<h")))
+        if kind not in CHANNELS:
+            raise ValueError(f"a frame of unknown format {kind}")
+        check_image(width, height)
+        pixels = frame.vector(10, "u1").reshape(height, width, CHANNELS[kind])
+        # stamped at the start of the exposure; ours is its middle
+        yield frame.number(0, "<q") + round(frame.number(11, "<q") / 2), rgb(pixels)
 
 
 class _Table:
@@ -224,8 +215,3 @@ def rgb(image: np.ndarray) -> np.ndarray:
     """(H, W, 3) RGB of (H, W[, C]) BGR, BGRA, or one channel, which is repeated."""
     pixels = image if image.ndim == 3 else image[..., None]
     return np.ascontiguousarray(np.broadcast_to(pixels[..., 2::-1], (*image.shape[:2], 3)))
-
-
-def _file_errors(path: Path):
-    errors = (zstd.ZstdError, RuntimeError, ElementTree.ParseError)
-    return input_errors(path, "damaged AEDAT4", "record or copy the file again", errors)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..files import regular_file
 from ..types import event_array
-from .stream import Source, in_chunks, input_errors
+from .stream import Source, in_chunks, reader
 
 PIECE = 1 << 16  # bytes decoded at once
 HEAD = struct.Struct("<12s3BBHH")  # signature, version, kind of events, width, height
@@ -25,9 +25,10 @@ EVENT_BYTES = 5
 SKIP, OVERFLOW, OVERFLOW_US = 0xFE, 0xFF, 127  # codes of one byte: nothing, and time without events
 
 
+@reader("not an Event Stream of a DVS", "copy it again, or export it as AEDAT4 or CSV")
 def read(path: Path) -> Source:
     """Events of an Event Stream, in the camera's own time; raises `InputError`."""
-    with _file_errors(path), regular_file(path).open("rb") as file:
+    with regular_file(path).open("rb") as file:
         head = file.read(HEAD.size)
         if not head.startswith(SIGNATURE) or len(head) < HEAD.size:
             raise ValueError(f"it does not begin with '{SIGNATURE.decode()}' and a size")
@@ -42,7 +43,7 @@ def read(path: Path) -> Source:
 
 
 def _events(path: Path, height_px: int) -> Iterator[np.ndarray]:
-    with _file_errors(path), path.open("rb") as file:
+    with path.open("rb") as file:
         file.seek(HEAD.size)
         yield from in_chunks(_decode(iter(lambda: file.read(PIECE), b""), height_px))
 
@@ -80,7 +81,3 @@ def _starts(is_short: np.ndarray) -> np.ndarray:
         starts = np.concatenate([starts, follower[starts]])
         follower = follower[follower]
     return starts[starts < end]
-
-
-def _file_errors(path: Path):
-    return input_errors(path, "not an Event Stream of a DVS", "copy it again, or export it as AEDAT4 or CSV")

@@ -39,6 +39,12 @@ class HighTime:
         self.last = int(values[-1])
         return values
 
+    def at_words(self, is_set: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The latest high part (N,) at each word, -1 before the first, of the values at words that set it."""
+        before, highs = -1 if self.last is None else self.last, np.zeros(len(values), np.int64)
+        highs[is_set] = self.unroll(values[is_set])
+        return _latest(is_set, highs, before)
+
 
 class Evt2:
     """EVT2: words of 32 bit, an event each."""
@@ -50,19 +56,19 @@ class Evt2:
 
     def events(self, words: np.ndarray) -> np.ndarray:
         """Events (M,) EVENT of words (N,); those before the first time are dropped."""
+        is_event, t_us = self._timed(words)
+        return _events(t_us, words[is_event])
+
+    def _timed(self, words: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which words (N,) are events of a known time, and their times (M,)."""
         kind = words >> 28
-        last = self.high.last
-        sets_time = kind == 8
-        highs = self.high.unroll(words[sets_time] & 0xFFF_FFFF)
-        high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
+        high = self.high.at_words(kind == 8, words & 0xFFF_FFFF)
         is_event = (kind <= 1) & (high >= 0)
-        w = words[is_event]
-        t_us = high[is_event] << 6 | (w >> 22 & 0x3F).astype(np.int64)
-        return event_array(t_us, w >> 11 & 0x7FF, w & 0x7FF, w >> 28 == 1)
+        return is_event, high[is_event] << 6 | (words[is_event] >> 22 & 0x3F).astype(np.int64)
 
 
-class Evt21:
-    """EVT2.1: words of 64 bit, up to 32 events of a row each.
+class Evt21(Evt2):
+    """EVT2.1: words of 64 bit, of which one half is as in EVT2, and the other tells up to 32 events of a row.
 
     ``legacy``: each word's high half comes first, as the IMX636 sends it.
     """
@@ -70,29 +76,21 @@ class Evt21:
     encoding, word = "EVT2.1", np.dtype("<u8")
 
     def __init__(self, legacy: bool = False):
-        self.high, self.legacy = HighTime(28), legacy
+        super().__init__()
+        self.legacy = legacy
 
     def events(self, words: np.ndarray) -> np.ndarray:
         """Events (M,) EVENT of words (N,); those before the first time are dropped."""
-        if self.legacy:
-            words = words << np.uint64(32) | words >> np.uint64(32)
-        upper, valid = (words >> np.uint64(32)).astype(np.uint32), words.astype(np.uint32)
-        kind = upper >> 28
-        last = self.high.last
-        sets_time = kind == 8
-        highs = self.high.unroll(upper[sets_time] & 0xFFF_FFFF)
-        high = _latest(sets_time, _at(sets_time, highs), -1 if last is None else last)
-        is_event = (kind <= 1) & (high >= 0)
-        w, high, (row, bit) = upper[is_event], high[is_event], _set_bits(valid[is_event], 32)
-        t_us = high << 6 | (w >> 22 & 0x3F).astype(np.int64)
-        return event_array(t_us[row], (w >> 11 & 0x7FF)[row] + bit, (w & 0x7FF)[row], (w >> 28 == 1)[row])
+        halves = (words >> np.uint64(32)).astype(np.uint32), words.astype(np.uint32)
+        upper, valid = reversed(halves) if self.legacy else halves
+        is_event, t_us = self._timed(upper)
+        row, bit = _set_bits(valid[is_event], 32)
+        return _events(t_us[row], upper[is_event][row], bit)
 
 
-def _at(where: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (M,) at the M places where (N,) is true, zero elsewhere."""
-    spread = np.zeros(len(where), np.int64)
-    spread[where] = values
-    return spread
+def _events(t_us: np.ndarray, words: np.ndarray, right=0) -> np.ndarray:
+    """Events (M,) EVENT of words of EVT2, each so many pixels to the right."""
+    return event_array(t_us, (words >> 11 & 0x7FF) + right, words & 0x7FF, words >> 28 == 1)
 
 
 @dataclass(frozen=True)
@@ -155,9 +153,7 @@ class Evt3:
     def _times_us(self, kind: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Time (N,) at each word, -1 before both parts of it are known."""
         sets_high, sets_low = kind == self.codes.time_high, kind == self.codes.time_low
-        last = self.high.last
-        highs = _at(sets_high, self.high.unroll(value[sets_high]))
-        high = _latest(sets_high, highs, -1 if last is None else last)
+        high = self.high.at_words(sets_high, value)
         # a low part without a high part before it says nothing
         low = _latest(sets_low & (high >= 0), value, self.low)
         self.low = int(low[-1])

@@ -20,14 +20,12 @@ from . import (
     event_stream,
     hdf5,
     images,
-    pictures,
     prophesee,
     rosbag,
     rosbag2,
     rosbag_writer,
     sensors,
     tables,
-    text,
 )
 from .bounded_bag2 import METADATA
 from .health import health
@@ -87,7 +85,7 @@ def open_stream(
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
     if fps is not None and kind != "folder":
         raise InputError(f"{path}: --fps {fps:g} is for a folder of pictures; leave it out")
-    source = READERS[kind](path) if fps is None else pictures.read_numbered(path, fps)
+    source = READERS[kind](path) if fps is None else images.read_numbered(path, fps)
     if source.span_us:
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
@@ -184,11 +182,11 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("Prophesee DAT", (".dat",), prophesee.read_dat),
     ("HDF5 in the layouts of DSEC (ours too), MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
     ("Event Stream of a DVS", (".es",), event_stream.read),
-    ("events as text, t x y p", (".txt",), text.read),
+    ("events as text, t x y p", (".txt",), tables.read_text),
     ("events as a table with named columns", (".csv",), tables.read_csv),
     ("events as a structured array of numpy", (".npy",), tables.read_npy),
     ("images with timestamps.txt or images.txt, or a ROS 2 bag", ("folder",), _read_folder),
-    ("one picture", (".png", ".jpg", ".jpeg"), pictures.read_picture),
+    ("one picture", (".png", ".jpg", ".jpeg"), images.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -11,11 +11,14 @@ import numpy as np
 
 from ..types import Recording, event_array
 from . import prophesee
-from .hdf5_datasets import new_file, open_dataset, rows_at_once
+from .hdf5_datasets import blocks, new_file, open_dataset
 from .limits import MAX_TIME_US, check_image
-from .stream import CHUNK, Source, input_errors, pieces
+from .stream import CHUNK, Source, pieces, reader
 
 
+@reader(
+    "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again", (KeyError, RuntimeError)
+)
 def read(path: Path) -> Source:
     """Size where the file says it (else None); raises `InputError`.
 
@@ -23,20 +26,20 @@ def read(path: Path) -> Source:
     x, y, seconds, polarity, and ``image_raw`` with ``image_raw_ts``.
     Prophesee: ``CD/events`` with fields x, y, p, t.
     """
-    with _file_errors(path), h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         if "events/t" in file:
             t = _columns(file)[0]
             span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
             size_px = _stated_size_px(file)
             frames = partial(_frames, path, "", "frames", "frames_t_us")
-            return Source(path, size_px, partial(_dsec, path), frames, span_us)
+            return Source(path, size_px, partial(_events, path, _dsec), frames, span_us)
         if "davis/left" in file:
             name = "davis/left/image_raw"
             size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
             frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts")
-            return Source(path, size_px, partial(_mvsec, path), frames)
+            return Source(path, size_px, partial(_events, path, _mvsec), frames)
         if prophesee.HDF5_EVENTS in file:
-            events = partial(_prophesee, path)
+            events = partial(_events, path, prophesee.hdf5_events)
             return Source(path, prophesee.hdf5_size_px(file), events, span_us=prophesee.hdf5_span_us(file))
         raise ValueError("neither events/t nor davis/left nor CD/events in it")
 
@@ -62,32 +65,29 @@ def _offset_us(file: h5py.File) -> int:
     return int(open_dataset(file, "t_offset", 0)[()]) if "t_offset" in file else 0
 
 
-def _dsec(path: Path) -> Iterator[np.ndarray]:
-    with _file_errors(path), h5py.File(path, "r") as file:
-        offset_us, columns = _offset_us(file), _columns(file)
-        step = rows_at_once(CHUNK, *columns)
-        for i in range(0, len(columns[0]), step):
-            yield from pieces(event_array(*(c[i : i + step] for c in columns), offset_us=offset_us), CHUNK)
+def _events(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> Iterator[np.ndarray]:
+    with h5py.File(path, "r") as file:
+        for events in layout(file):
+            yield from pieces(events, CHUNK)
 
 
-def _mvsec(path: Path) -> Iterator[np.ndarray]:
-    with _file_errors(path), h5py.File(path, "r") as file:
-        rows = open_dataset(file, "davis/left/events", 2)
-        if rows.shape[1] != 4:
-            raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
-        step = rows_at_once(CHUNK, rows)
-        for i in range(0, len(rows), step):
-            x, y, t, p = rows[i : i + step].T
-            yield from pieces(event_array(t, x, y, p, seconds=True), CHUNK)
+def _dsec(file: h5py.File) -> Iterator[np.ndarray]:
+    offset_us = _offset_us(file)
+    for columns in blocks(CHUNK, *_columns(file)):
+        yield event_array(*columns, offset_us=offset_us)
 
 
-def _prophesee(path: Path) -> Iterator[np.ndarray]:
-    with _file_errors(path), h5py.File(path, "r") as file:
-        yield from prophesee.hdf5_events(file)
+def _mvsec(file: h5py.File) -> Iterator[np.ndarray]:
+    rows = open_dataset(file, "davis/left/events", 2)
+    if rows.shape[1] != 4:
+        raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
+    for (block,) in blocks(CHUNK, rows):
+        x, y, t, p = block.T
+        yield event_array(t, x, y, p, seconds=True)
 
 
 def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[int, np.ndarray]]:
-    with _file_errors(path), h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         if group + images not in file:
             return
         pixels, t = open_dataset(file, group + images, 3, 4), open_dataset(file, group + times, 1)
@@ -98,16 +98,10 @@ def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[i
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        times = (frame_us for block in _blocks(t, CHUNK) for frame_us in _times_us(block))
-        images = (image for block in _blocks(pixels, 1) for image in block)
+        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(block))
+        images = (image for (block,) in blocks(1, pixels) for image in block)
         for frame_us, image in zip(times, images, strict=True):
             yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
-
-
-def _blocks(dataset: h5py.Dataset, least: int) -> Iterator[np.ndarray]:
-    """A dataset in runs of rows, as many at a time as `rows_at_once` allows."""
-    step = rows_at_once(least, dataset)
-    return (dataset[i : i + step] for i in range(0, len(dataset), step))
 
 
 def _times_us(t: np.ndarray) -> list[int]:
@@ -117,11 +111,6 @@ def _times_us(t: np.ndarray) -> list[int]:
     if not np.all(np.abs(t) <= MAX_TIME_US / 1e6):  # NaN neither
         raise ValueError("a time of an image is beyond any clock's")
     return np.rint(t * 1e6).astype(np.int64).tolist()
-
-
-def _file_errors(path: Path):
-    remedy = "give a file as DSEC's or MVSEC's, or copy it again"
-    return input_errors(path, "not a recording in HDF5", remedy, (KeyError, RuntimeError))
 
 
 def write(recording: Recording, path: Path) -> None:

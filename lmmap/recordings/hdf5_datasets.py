@@ -87,6 +87,13 @@ def _holds_numbers(kind: np.dtype, columns: str) -> bool:
     return {*columns} <= {*(kind.names or ())} and all(kind[name].kind in "iufb" for name in kind.names)
 
 
+def blocks(least: int, *datasets: h5py.Dataset) -> Iterator[list[np.ndarray]]:
+    """Datasets of one length in runs of rows, as many at a time as `rows_at_once` allows."""
+    step = rows_at_once(least, *datasets)
+    for i in range(0, len(datasets[0]), step):
+        yield [dataset[i : i + step] for dataset in datasets]
+
+
 def rows_at_once(least: int, *datasets: h5py.Dataset) -> int:
     """How many rows of datasets to read at a time: chunks of more than ``least`` are inflated once, but no
     more than `MAX_CHUNK_BYTES` are read."""

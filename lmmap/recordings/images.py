@@ -1,11 +1,11 @@
-"""Images as recordings: a folder of them with their times, and videos."""
+"""Images as recordings: one picture, a folder of them with or without times, and videos."""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,28 +13,64 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from ..files import read_text, regular_file
-from . import text
+from .. import files
+from ..files import regular_file
 from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
-from .stream import Source, input_errors, no_events
+from .stream import Source, reader
+from .tables import read_text
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 JPEG_END = b"\xff\xd9"
 TIME_LISTS = ("timestamps.txt", "images.txt")
 
 
+@reader(
+    "not a folder of images",
+    "give images and a timestamps.txt with a time for each, or --fps, or name one recording",
+    (cv2.error,),
+)
 def read_folder(path: Path) -> Source:
     """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
 
-    Times as in `text.read`; an ``events.txt`` beside them is read too, as in RPG's data sets.
+    Times as in `tables.read_text`; an ``events.txt`` beside them is read too, as in RPG's data sets.
     """
-    with _folder_errors(path):
-        names, t_us = _list_pictures(path)
-        first = read_image(names[0])
-    event_file = path / "events.txt"
-    events = partial(text.events, event_file) if event_file.exists() else no_events
-    frames = partial(_folder_frames, path, names, t_us, first)
-    return Source(path, first.shape[1::-1], events, frames, (min(t_us), max(t_us)))
+    source, event_file = _sequence(path, *_list_pictures(path)), path / "events.txt"
+    return replace(source, events=lambda: read_text(event_file).events()) if event_file.exists() else source
+
+
+picture = reader("cannot read this picture", "give 8-bit PNG or JPEG files", (cv2.error,))
+
+
+@picture
+def read_picture(path: Path) -> Source:
+    """One picture as a frame at time zero; raises `InputError`."""
+    return _sequence(path, [path], [0])
+
+
+@picture
+def read_numbered(path: Path, fps: float) -> Source:
+    """A folder's pictures in the order of their names, ``fps`` to the second; raises `InputError`."""
+    if not 0 < fps < 1e6:
+        raise ValueError(f"{fps:g} pictures per second")
+    if not (names := pictures_in(path)):
+        raise ValueError(f"no {', '.join(IMAGE_SUFFIXES)} in it")
+    return _sequence(path, names, [round(k * 1e6 / fps) for k in range(len(names))])
+
+
+def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
+    """Images of files, of which the first is decoded at once for its size."""
+    first = read_image(names[0])
+
+    def frames():
+        yield t_us[0], first
+        yield from zip(t_us[1:], map(read_image, names[1:]), strict=True)
+
+    return Source(path, first.shape[1::-1], frames=frames, span_us=(min(t_us), max(t_us)))
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """The image files of a folder, in the order of their names."""
+    return sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
 
 
 def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
@@ -42,10 +78,10 @@ def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
     lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
     if not lists:
         raise ValueError("no timestamps.txt or images.txt in it")
-    lines = [line.split() for line in read_text(lists[0], MAX_LIST_BYTES).splitlines()]
+    lines = [line.split() for line in files.read_text(lists[0], MAX_LIST_BYTES).splitlines()]
     lines = [line for line in lines if line and not line[0].startswith("#")]
     if all(len(line) == 1 for line in lines):
-        names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+        names = pictures_in(path)
     elif any(len(line) == 1 for line in lines):
         raise ValueError(f"{lists[0].name} has lines with and without a name")
     else:
@@ -53,22 +89,6 @@ def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
     if len(names) != len(lines) or not names:
         raise ValueError(f"{len(names)} images for {len(lines)} times")
     return names, [round(float(t[0]) * 1e6) if "." in t[0] else int(t[0]) for t in lines]
-
-
-def _folder_frames(path: Path, names: list[Path], t_us: list[int], first: np.ndarray):
-    with _folder_errors(path):
-        yield from zip(t_us, images_from(first, names), strict=True)
-
-
-def images_from(first: np.ndarray, names: list[Path]) -> Iterator[np.ndarray]:
-    """The images of files, of which the first has been decoded for its size."""
-    yield first
-    yield from map(read_image, names[1:])
-
-
-def _folder_errors(path: Path):
-    remedy = "give images and a timestamps.txt with a time for each, or --fps, or name one recording"
-    return input_errors(path, "not a folder of images", remedy, (cv2.error,))
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -100,6 +120,7 @@ def decode(content: bytes) -> np.ndarray:
     return rgb
 
 
+@reader("not a video", "convert it to MP4 or copy it again", (cv2.error,))
 def read_video(path: Path) -> Source:
     """Frames of a video at the times that the file states, from its start."""
     _, first = next(_video_frames(path))
@@ -107,22 +128,21 @@ def read_video(path: Path) -> Source:
 
 
 def _video_frames(path: Path):
-    with input_errors(path, "not a video", "convert it to MP4 or copy it again", (cv2.error,)):
-        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
+    with _quiet():
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        size = (video.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        if video.isOpened():
+            check_image(*map(int, size))
+        more, bgr = video.read()
+    if not more:
+        raise ValueError("no frame can be decoded")
+    while more:
+        yield round(video.get(cv2.CAP_PROP_POS_MSEC) * 1000), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
         with _quiet():
-            video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-            size = (video.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-            if video.isOpened():
-                check_image(*map(int, size))
             more, bgr = video.read()
-        if not more:
-            raise ValueError("no frame can be decoded")
-        while more:
-            yield round(video.get(cv2.CAP_PROP_POS_MSEC) * 1000), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-            with _quiet():
-                more, bgr = video.read()
-        with _quiet():
-            video.release()
+    with _quiet():
+        video.release()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..files import regular_file
 from ..types import InputError
-from .images import IMAGE_SUFFIXES, decode, read_image
+from .images import decode, pictures_in, read_image
 from .stream import input_errors
 
 MAX_PDF_BYTES = 2**28
@@ -27,8 +27,7 @@ def pictures(path: Path) -> Iterator[tuple[str, np.ndarray]]:
     """
     path = Path(path)
     if path.is_dir():
-        names = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
-        pictures = ((p.stem, _read(p)) for p in names)
+        pictures = ((p.stem, _read(p)) for p in pictures_in(path))
     elif path.suffix.lower() == ".pdf":
         pictures = _pdf_pictures(path)
     else:

@@ -13,46 +13,46 @@ import numpy as np
 from ..files import regular_file
 from ..types import event_array
 from .evt import Evt2, Evt3, Evt21, HighTime
-from .hdf5_datasets import open_dataset, rows_at_once
-from .stream import CHUNK, Source, in_chunks, input_errors, pieces
+from .hdf5_datasets import blocks, open_dataset
+from .stream import CHUNK, Source, in_chunks, reader
 
 PIECE = 1 << 18  # bytes decoded at once
 MAX_HEADER = 1 << 16  # bytes; real headers have a few hundred
 DECODERS = {"EVT2": Evt2, "EVT21": Evt21, "EVT3": Evt3}
 HDF5_EVENTS = "CD/events"
 DAT_TYPES = (0x00, 0x0C)  # generic events, contrast detection
+prophesee_file = reader("not a recording of Prophesee's", "copy it again, or export it as RAW, DAT or HDF5")
 
 
+@prophesee_file
 def read_raw(path: Path) -> Source:
     """Events of a RAW file, in the camera's own time; raises `InputError`.
 
     The sensor's size is the header's, where it has one (before 2022 not all have).
     """
-    with _file_errors(path):
-        fields, start = _header(path)
-        encoding = _decoder(fields).encoding
-    events, details = partial(_raw, path, fields, start), partial(dict, encoding=encoding)
+    fields, start = _header(path)
+    details = partial(dict, encoding=_decoder(fields).encoding)
+    events = partial(_raw, path, fields, start)
     return Source(path, _size_px(fields), events, details=details)
 
 
+@prophesee_file
 def read_dat(path: Path) -> Source:
     """Events of a DAT file, version 2; raises `InputError`."""
-    with _file_errors(path):
-        fields, start = _header(path)
-        if fields.get("version", "2") != "2":
-            raise ValueError(f"DAT of version {fields['version']}, expected 2")
-        with path.open("rb") as file:
-            file.seek(start)
-            kind, size = file.read(2).ljust(2, b"\0")
-        if kind not in DAT_TYPES or size != 8:
-            raise ValueError(f"events of type {kind} and {size} bytes, expected contrast events of 8 bytes")
+    fields, start = _header(path)
+    if fields.get("version", "2") != "2":
+        raise ValueError(f"DAT of version {fields['version']}, expected 2")
+    with path.open("rb") as file:
+        file.seek(start)
+        kind, size = file.read(2).ljust(2, b"\0")
+    if kind not in DAT_TYPES or size != 8:
+        raise ValueError(f"events of type {kind} and {size} bytes, expected contrast events of 8 bytes")
     return Source(path, _size_px(fields), partial(_dat, path, start + 2))
 
 
 def _raw(path: Path, fields: dict[str, str], start: int):
-    with _file_errors(path):
-        decoder = _decoder(fields)
-        yield from in_chunks(decoder.events(words) for words in _words(path, start, decoder.word))
+    decoder = _decoder(fields)
+    return in_chunks(decoder.events(words) for words in _words(path, start, decoder.word))
 
 
 def _dat(path: Path, start: int):
@@ -62,8 +62,7 @@ def _dat(path: Path, start: int):
         xyp = e["xyp"]
         return event_array(time.unroll(e["t"]), xyp & 0x3FFF, xyp >> 14 & 0x3FFF, xyp >> 28)
 
-    with _file_errors(path):
-        yield from in_chunks(events(e) for e in _words(path, start, record))
+    return in_chunks(events(e) for e in _words(path, start, record))
 
 
 def _words(path: Path, start: int, word: np.dtype):
@@ -118,12 +117,9 @@ def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
 
 
 def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:
-    """Chunks of events of the data set ``CD/events``; ValueError where it cannot be read."""
-    rows = _rows(file)
-    step = rows_at_once(CHUNK, rows)
-    for i in range(0, len(rows), step):
-        e = rows[i : i + step]
-        yield from pieces(event_array(*(e[name] for name in "txyp")), CHUNK)
+    """Arrays of events of the data set ``CD/events``; ValueError where it cannot be read."""
+    for (e,) in blocks(CHUNK, _rows(file)):
+        yield event_array(*(e[name] for name in "txyp"))
 
 
 def hdf5_span_us(file: h5py.File) -> tuple[int, int] | None:
@@ -139,8 +135,3 @@ def hdf5_size_px(file: h5py.File) -> tuple[int, int] | None:
 
 def _rows(file: h5py.File) -> h5py.Dataset:
     return open_dataset(file, HDF5_EVENTS, 1, columns="txyp")
-
-
-def _file_errors(path: Path):
-    remedy = "copy it again, or export it as RAW, DAT or HDF5"
-    return input_errors(path, "not a recording of Prophesee's", remedy)

@@ -7,7 +7,7 @@ images from sensor_msgs/Image and CompressedImage.
 from __future__ import annotations
 
 import struct
-import warnings
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -18,12 +18,11 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..types import event_array
-from . import evt, rosbag
+from . import bags, evt, rosbag
 from .bounded_bag2 import open_bag
-from .stream import Source, in_chunks, input_errors
+from .stream import input_errors
 
 ERRORS = (*rosbag.ERRORS, AnyReaderError, ReaderError, apsw.Error, TypeError, AttributeError)
-EVENTS = ("/EventArray", "/EventPacket")
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # for bags from before 2023, which state no types
 PACKET_MSG = """std_msgs/Header header
 uint32 height
@@ -47,63 +46,11 @@ RECORD = np.dtype({"names": ["x", "y", "s", "ns", "p"], "formats": ["<u2", "<u2"
 STRIDE = 16
 
 
-def read(path: Path) -> Source:
-    """The first topic of each kind; raises `InputError`."""
-    with _bag_errors(path), open_bag(path, STORE) as bag:
-        arrays = rosbag.first_topic(bag, path, _is_events)
-        images = rosbag.first_topic(bag, path, rosbag.IMAGES.__contains__)
-        if not arrays and not images:
-            raise ValueError(f"no event array, event packet or image in {len(bag.topics)} topics")
-        first = next(
-            (message for topic in (arrays, images) if topic for message in bag.messages(topic)), None
-        )
-        if first is None:
-            raise ValueError("no message in its topics")
-        connection, _, raw = first
-        if _is_events(connection.msgtype):
-            size_px = _size_px(raw)
-        else:
-            size_px = rosbag.rgb(bag.deserialize(raw, connection.msgtype)).shape[1::-1]
-        span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
-        details = partial(dict, topics=rosbag.topics_of(bag))
-    return Source(path, size_px, partial(_chunks, path, size_px), partial(_frames, path), span_us, details)
-
-
-def _is_events(kind: str) -> bool:
-    return kind.endswith(EVENTS)
-
-
-def _messages(bag, path: Path, wanted):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # said when the file was opened
-        connections = rosbag.first_topic(bag, path, wanted)
-    return bag.messages(connections) if connections else iter(())  # of no connection means of all
-
-
-def _chunks(path: Path, size_px: tuple[int, int]):
-    def batches(bag):
-        packets = Packets()
-        for connection, _, raw in _messages(bag, path, _is_events):
-            if (size := _size_px(raw)) != size_px:
-                raise ValueError(f"events for {size} px among those for {size_px} px")
-            if connection.msgtype.endswith("/EventArray"):
-                yield _array_events(raw, _fields_of(bag, connection.msgtype))
-            else:
-                yield packets.events(bag.deserialize(raw, connection.msgtype))
-
-    with _bag_errors(path), open_bag(path, STORE) as bag:
-        yield from in_chunks(batches(bag))
-
-
-def _frames(path: Path):
-    with _bag_errors(path), open_bag(path, STORE) as bag:
-        for connection, _, raw in _messages(bag, path, rosbag.IMAGES.__contains__):
-            message = bag.deserialize(raw, connection.msgtype)
-            yield _time_us(message.header.stamp), rosbag.rgb(message)
-
-
-def _time_us(stamp) -> int:
-    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000
+@contextmanager
+def _open(path: Path):
+    remedy = "give a whole ROS 2 bag with events or images: copy it again, or run ros2 bag reindex"
+    with input_errors(path, "cannot read this bag", remedy, ERRORS), open_bag(path, STORE) as bag:
+        yield bag
 
 
 def _size_px(raw: bytes) -> tuple[int, int]:
@@ -143,8 +90,8 @@ def _array_events(raw: bytes, fields: list[str]) -> np.ndarray:
     )
 
 
-class Packets:
-    """Packets of event_camera_msgs, decoded in their order.
+class Decoder:
+    """Events of arrays, and of packets of event_camera_msgs in their order.
 
     Times of libcaer_cmp and mono are ROS times.  Those of evt3 are the sensor's: they are shifted so that
     the first packet begins at its header's stamp.
@@ -153,8 +100,14 @@ class Packets:
     def __init__(self):
         self.evt3, self.libcaer, self.shift_us = evt.Evt3(), evt.Evt3(evt.LIBCAER_CMP), None
 
-    def events(self, message) -> np.ndarray:
-        """Events (M,) EVENT of a packet."""
+    def __call__(self, bag, connection, raw: bytes) -> tuple[tuple[int, int], np.ndarray]:
+        """Size and events of one message."""
+        size_px = _size_px(raw)
+        if connection.msgtype.endswith("/EventArray"):
+            return size_px, _array_events(raw, _fields_of(bag, connection.msgtype))
+        return size_px, self._packet_events(bag.deserialize(raw, connection.msgtype))
+
+    def _packet_events(self, message) -> np.ndarray:
         if message.is_bigendian:
             raise ValueError("event packets in big-endian order")
         packed = np.asarray(message.events, np.uint8)
@@ -162,7 +115,7 @@ class Packets:
         if message.encoding == "evt3":
             events = self.evt3.events(_words(packed, self.evt3.word))
             if self.shift_us is None and len(events):
-                self.shift_us = _time_us(message.header.stamp) - int(events["t_us"][0])
+                self.shift_us = bags.time_us(message.header.stamp) - int(events["t_us"][0])
             base_us = self.shift_us or 0
         elif message.encoding == "libcaer_cmp":
             self.libcaer.start_at_zero()
@@ -181,6 +134,10 @@ def _words(packed: np.ndarray, word: np.dtype) -> np.ndarray:
     return packed.view(word)
 
 
-def _bag_errors(path: Path):
-    remedy = "give a whole ROS 2 bag with events or images: copy it again, or run ros2 bag reindex"
-    return input_errors(path, "cannot read this bag", remedy, ERRORS)
+ROS2 = bags.Dialect(
+    _open,
+    ("/EventArray", "/EventPacket"),
+    Decoder,
+    lambda bag, connection, raw: bag.deserialize(raw, connection.msgtype),
+)
+read = partial(bags.read, dialect=ROS2)

@@ -10,7 +10,8 @@ import numpy as np
 from rosbags.rosbag1 import Writer
 
 from ..types import Camera, InputError, Recording
-from .rosbag import IMAGES, STORE
+from .bags import IMAGES
+from .rosbag import STORE
 from .stream import pieces
 
 PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate

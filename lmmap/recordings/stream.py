@@ -9,7 +9,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial, wraps
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,8 @@ from .limits import check_times
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
 
 
-def no_events() -> Iterator[np.ndarray]:
-    return iter(())
-
-
-def no_frames() -> Iterator[tuple[int, np.ndarray]]:
+def nothing() -> Iterator:
+    """No events, or no frames."""
     return iter(())
 
 
@@ -37,8 +35,8 @@ class Source:
 
     path: Path
     size_px: tuple[int, int] | None = None
-    events: Callable[[], Iterator[np.ndarray]] = no_events
-    frames: Callable[[], Iterator[tuple[int, np.ndarray]]] = no_frames
+    events: Callable[[], Iterator[np.ndarray]] = nothing
+    frames: Callable[[], Iterator[tuple[int, np.ndarray]]] = nothing
     span_us: tuple[int, int] | None = None
     details: Callable[[], dict] = dict
 
@@ -107,6 +105,30 @@ def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Excep
     except (*DAMAGE, *errors) as error:
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:300]
         raise InputError(f"{path}: {problem} ({reason}); {remedy}") from None
+
+
+def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
+    """Decorate a function from a path to a `Source`: `input_errors` of what damaged bytes raise in it, and
+    later in the source's events, frames and details."""
+
+    def decorate(read: Callable[..., Source]) -> Callable[..., Source]:
+        @wraps(read)
+        def read_safely(path: Path, *options) -> Source:
+            def value(function: Callable):
+                with input_errors(path, problem, remedy, errors):
+                    return function()
+
+            def values(function: Callable[[], Iterator]) -> Iterator:
+                with input_errors(path, problem, remedy, errors):
+                    yield from function()
+
+            source = value(partial(read, path, *options))
+            streams = {name: partial(values, getattr(source, name)) for name in ("events", "frames")}
+            return replace(source, **streams, details=partial(value, source.details))
+
+        return read_safely
+
+    return decorate
 
 
 def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:

@@ -1,14 +1,14 @@
-"""Events as a table with named columns: a CSV with a header, or a structured array in ``.npy``.
+"""Events as rows: lines ``t x y p`` of text, as in the data sets of the University of Zurich (RPG), a CSV
+with a header, or a structured array in ``.npy``.
 
 Columns are found by the names that people use.  The unit of time is what its name states, as in ``t_us``,
-``timestamp (ns)`` or ``time [s]``; without one, whole numbers are microseconds and others seconds, as they
-are in text.
+``timestamp (ns)`` or ``time [s]``; without one, whole numbers are microseconds and others seconds.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from tokenize import TokenError
@@ -21,8 +21,7 @@ from numpy.lib import format as npy_format
 from ..files import regular_file
 from ..types import event_array
 from .limits import MAX_LINE_BYTES
-from .stream import CHUNK, Source, input_errors, pieces
-from .text import ShortLines
+from .stream import CHUNK, Source, pieces, reader
 
 SPELLINGS = {
     "t": r"(?:t|ts|time|timestamp|timestamps)(?:[ _]*[\[( _](?P<unit>s|sec|seconds|ms|us|µs|μs|ns)[\])]?)?",
@@ -33,22 +32,30 @@ SPELLINGS = {
 MORE = "fields beyond the header"
 NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
                "µs": 1000, "μs": 1000}  # fmt: skip
+table_of_events = reader(
+    "not a table of events",
+    "expected columns named t, x, y and p, with t in us or with its unit, such as t_ns",
+    (SyntaxError, TokenError),  # of numpy's header
+)
 
 
+@reader("not events as text", "expected lines 't x y p' with t in seconds, or in whole microseconds")
+def read_text(path: Path) -> Source:
+    """Events of lines ``t x y p``: seconds where ``t`` has a decimal point, else microseconds."""
+    return _read_lines(path, lambda _: list("txyp"), r"\s+")
+
+
+@table_of_events
 def read_csv(path: Path) -> Source:
     """Events of a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the sensor's size."""
-    with _table_errors(path), regular_file(path).open("rb") as file:
-        columns, unit, size_px = _columns(_header(file))
-    events = partial(_csv, path, columns, unit)
-    next(events(), None)  # a file that is no table is refused now, not when it is used
-    return Source(path, size_px, events)
+    return _read_lines(path, _header, ",")
 
 
+@table_of_events
 def read_npy(path: Path) -> Source:
     """Events of a structured array; raises `InputError`.  Nothing in the file is executed."""
-    with _table_errors(path):
-        rows, _ = _npy(path)
-        columns, unit, size_px = _columns(rows.dtype.names)
+    rows, _ = _npy(path)
+    columns, unit, size_px = _columns(rows.dtype.names)
     return Source(path, size_px, partial(_npy_events, path, columns, unit))
 
 
@@ -60,21 +67,50 @@ def _header(file: BinaryIO) -> list[str]:
     return [name.strip().strip('"') for name in line.decode().split(",")]
 
 
-def _csv(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.ndarray]:
-    with _table_errors(path), path.open("rb") as file:
-        names = _header(file)
-        tables = pd.read_csv(ShortLines(file), header=None, names=[*names, MORE], comment="#",
+def _read_lines(path: Path, names_of: Callable[[BinaryIO], list[str]], separator: str) -> Source:
+    """Events of the lines behind what ``names_of`` reads."""
+    with regular_file(path).open("rb") as file:
+        names, start = names_of(file), file.tell()
+    columns, unit, size_px = _columns(names)
+    events = partial(_line_events, path, start, names, columns, unit, separator)
+    next(events(), None)  # a file that holds no such lines is refused now, not when it is used
+    return Source(path, size_px, events)
+
+
+def _line_events(path: Path, start: int, names, columns, unit, separator: str) -> Iterator[np.ndarray]:
+    with path.open("rb") as file:
+        file.seek(start)
+        tables = pd.read_csv(ShortLines(file), sep=separator, header=None, names=[*names, MORE], comment="#",
                              index_col=False, chunksize=CHUNK)  # fmt: skip
         time_kind = None
         for table in tables:
             values = {key: table[name].to_numpy() for key, name in columns.items()}
-            if table[MORE].notna().any() or any(v.dtype.kind not in "biuf" for v in values.values()):
+            kinds = {key: value.dtype.kind for key, value in values.items()}
+            words = [key for key, kind in kinds.items() if kind not in ("biuf" if key == "p" else "iuf")]
+            if words or table[MORE].notna().any():
                 raise ValueError(f"a line does not hold {len(names)} numbers")
-            kind = values["t"].dtype.kind
-            if unit is None and time_kind not in (None, kind):
+            if unit is None and time_kind not in (None, kinds["t"]):
                 raise ValueError("times with and without a decimal point")
-            time_kind = kind
+            time_kind = kinds["t"]
             yield _events(values, unit)
+
+
+class ShortLines:
+    """A file whose blocks are checked for line ends: pandas would hold a line of gigabytes in memory."""
+
+    def __init__(self, file):
+        self._file, self._since_line_end = file, 0
+
+    def read(self, size: int = -1) -> bytes:
+        block = self._file.read(size if 0 <= size <= MAX_LINE_BYTES else MAX_LINE_BYTES)
+        first, last = block.find(b"\n"), block.rfind(b"\n")
+        if self._since_line_end + (first if first >= 0 else len(block)) > MAX_LINE_BYTES:
+            raise ValueError(f"a line of more than {MAX_LINE_BYTES} bytes")
+        self._since_line_end = len(block) - last if last >= 0 else self._since_line_end + len(block)
+        return block
+
+    def __iter__(self):
+        raise NotImplementedError("pandas reads blocks")
 
 
 def _npy(path: Path) -> tuple[np.ndarray, int]:
@@ -94,12 +130,11 @@ def _npy(path: Path) -> tuple[np.ndarray, int]:
 
 
 def _npy_events(path: Path, columns: dict[str, str], unit: str | None) -> Iterator[np.ndarray]:
-    with _table_errors(path):
-        rows, stated = _npy(path)
-        for piece in pieces(rows, CHUNK):
-            yield _events({key: np.array(piece[name]) for key, name in columns.items()}, unit)
-        if len(rows) < stated:
-            raise ValueError(f"it ends after {len(rows)} of {stated} rows")
+    rows, stated = _npy(path)
+    for piece in pieces(rows, CHUNK):
+        yield _events({key: np.array(piece[name]) for key, name in columns.items()}, unit)
+    if len(rows) < stated:
+        raise ValueError(f"it ends after {len(rows)} of {stated} rows")
 
 
 def _columns(names) -> tuple[dict[str, str], str | None, tuple[int, int] | None]:
@@ -133,8 +168,3 @@ def _microseconds(t: np.ndarray, unit_ns: int) -> np.ndarray:
         raise ValueError("a time does not fit 64 bit of microseconds")
     t = t.astype(np.int64)
     return t * (unit_ns // 1000) if unit_ns >= 1000 else (t + 500) // 1000
-
-
-def _table_errors(path: Path):
-    remedy = "expected columns named t, x, y and p, with t in us or with its unit, such as t_ns"
-    return input_errors(path, "not a table of events", remedy, (SyntaxError, TokenError))  # of numpy's header

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from lmmap.recordings.rosbag import IMAGES, open_bag
+from lmmap.recordings.bags import IMAGES
+from lmmap.recordings.rosbag import open_bag
 from lmmap.types import InputError
 
 from . import rig, tf

@@ -133,7 +133,7 @@ def test_compressed_images(tmp_path):
         (packet("evt3", b"123", START_US), "3 bytes, expected a multiple of 2"),
         (packet("mono", b"123456789", START_US), "9 bytes, expected a multiple of 8"),
         (packet("mono", b"", START_US, is_bigendian=True), "big-endian"),
-        (KINDS["std_msgs/msg/String"]("hello"), "no event array, event packet or image in 1 topics"),
+        (KINDS["std_msgs/msg/String"]("hello"), "no EventArray, EventPacket or image in 1 topics"),
     ],
 )
 def test_messages_that_are_not_understood(tmp_path, message, problem, capsys):
