@@ -27,8 +27,8 @@ _HOME = {
     "fuse": "tracking.fusion",
     "histograms": "pipeline.histograms",
     "open_recording": "recordings.formats",
-    "read_estimates": "recordings.formats",
-    "write_estimates": "recordings.formats",
+    "read_estimates": "recordings.pose_files",
+    "write_estimates": "recordings.pose_files",
 }
 __all__ = sorted(_HOME)
 

@@ -28,8 +28,8 @@ from tqdm import tqdm
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, merge_by_time, true_poses
-from lmmap.recordings.formats import open_recording, read_estimates, write_estimates, write_recording
-from lmmap.recordings.pose_files import stack_poses
+from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.outliers import is_certain

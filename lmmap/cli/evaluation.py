@@ -12,7 +12,7 @@ import pandas as pd
 from lmmap_lab.studies import pose_errors
 
 from ..pipeline import run
-from ..recordings.formats import read_truth
+from ..recordings.pose_files import read_truth
 from ..recordings.stream import Stream
 from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port

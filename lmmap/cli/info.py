@@ -7,7 +7,8 @@ import warnings
 
 from ..pipeline.rescale import trained_range_m, warn_of_lens
 from ..recordings import sensors
-from ..recordings.formats import format_name, health
+from ..recordings.formats import format_name
+from ..recordings.health import health
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS
 from .inputs import find_rig, open_input

@@ -28,35 +28,9 @@ from . import (
     tables,
 )
 from .bounded_bag2 import METADATA
-from .health import health
 from .limits import check_times
-from .pose_files import (
-    read_estimates,
-    read_trajectory,
-    read_truth,
-    trajectory_of,
-    write_estimates,
-    write_trajectory,
-)
+from .pose_files import read_truth, write_trajectory
 from .stream import Source, Stream, checked_events, checked_frames, input_errors
-
-__all__ = [
-    "FORMATS",
-    "format_name",
-    "health",
-    "open_recording",
-    "open_stream",
-    "read_estimates",
-    "read_trajectory",
-    "read_truth",
-    "trajectory_of",
-    "write_aedat4",
-    "write_estimates",
-    "write_recording",
-    "write_trajectory",
-]
-
-DAVIS346_PX = (346, 260)
 
 
 def open_recording(path, camera: Camera | str | Path | None = None, *, fps: float | None = None) -> Recording:
@@ -109,7 +83,7 @@ def _camera(path: Path, size_px, camera, needed: bool) -> Camera | None:
     own = path.with_suffix(".camera.json")
     if camera is None:
         camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
-    if camera is None and size_px == DAVIS346_PX:
+    if camera is None and size_px == Camera.davis346().size_px:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
         return Camera.davis346()
     if camera is None and not needed:

@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from lmmap.recordings.formats import open_recording, read_estimates
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Estimate, Port
 
 from ..studies.pose_errors import METRICS, MODALITIES, errors

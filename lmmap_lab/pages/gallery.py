@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from lmmap.pipeline.run import timed_images
-from lmmap.recordings.formats import open_recording, read_estimates
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Estimate, Port, Recording
 
 from ..studies.metrics import position_error_m, rotation_error_rad

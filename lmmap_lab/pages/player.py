@@ -17,7 +17,8 @@ from lmmap.drawing.overlay import draw
 from lmmap.drawing.video import Video
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import timed_images
-from lmmap.recordings.formats import open_recording, read_estimates
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_estimates
 from lmmap.settings import PAPER
 from lmmap.types import InputError, Recording
 

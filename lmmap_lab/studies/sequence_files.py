@@ -11,8 +11,8 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import best_precision
 from lmmap.pipeline.run import each_image, estimate, timed_images
-from lmmap.recordings.formats import open_recording, read_estimates
-from lmmap.recordings.pose_files import write_estimates
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import Settings
 from lmmap.types import Estimate, Port, Recording
 

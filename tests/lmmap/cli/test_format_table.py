@@ -17,7 +17,8 @@ import pytest
 import test_every_format as every
 
 from lmmap.cli import main
-from lmmap.recordings.formats import FORMATS, open_recording, write_trajectory
+from lmmap.recordings.formats import FORMATS, open_recording
+from lmmap.recordings.pose_files import write_trajectory
 from lmmap.types import Recording
 from lmmap_lab.provenance import DATA
 

@@ -9,7 +9,8 @@ import test_every_format as every
 from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
-from lmmap.recordings.formats import open_recording, read_estimates, read_trajectory, write_trajectory
+from lmmap.recordings.formats import open_recording
+from lmmap.recordings.pose_files import read_estimates, read_trajectory, write_trajectory
 from lmmap.types import Recording, Status
 from lmmap_lab.provenance import ROOT
 

@@ -9,7 +9,7 @@ from conftest import facing_pose
 
 from lmmap.cli import main
 from lmmap.drawing import rerun_log
-from lmmap.recordings.formats import read_estimates
+from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Camera, Ellipse, Estimate, Port, Status
 from lmmap_lab.provenance import DATA
 

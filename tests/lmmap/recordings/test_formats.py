@@ -12,15 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lmmap.recordings import hdf5
-from lmmap.recordings.formats import (
-    READERS,
-    health,
-    open_recording,
-    open_stream,
-    write_aedat4,
-    write_recording,
-)
+from lmmap.recordings.formats import READERS, open_recording, open_stream, write_aedat4, write_recording
 from lmmap.recordings.formats import WRITERS as FORMAT_WRITERS
+from lmmap.recordings.health import health
 from lmmap.types import EVENT, Camera, InputError, Pose, Recording, Trajectory
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)

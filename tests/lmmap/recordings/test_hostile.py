@@ -16,9 +16,11 @@ from attack_sound import CAMERA, sound_files
 
 from lmmap.cli.progress import Bar
 from lmmap.recordings import bounded_bag, formats, rosbag_writer, stream
-from lmmap.recordings.formats import health, open_recording, open_stream, read_truth
+from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.hdf5_datasets import rows_at_once
+from lmmap.recordings.health import health
 from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_TIME_US
+from lmmap.recordings.pose_files import read_truth
 from lmmap.types import EVENT, Camera, InputError, Port
 
 
