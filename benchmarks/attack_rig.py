@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lmmap.recordings import rosbag_writer
 from lmmap.types import EVENT, Camera, Port, Pose, Recording
-from lmmap_lab.bench import laboratory, optics, renderer
+from lmmap_lab.bench import laboratory, optics, renderer, rosbag_writer
 from lmmap_lab.rig import standin, tf, ur5e
 
 CAMERA = Camera(128, 96, 324.0, 324.0, 63.5, 47.5)

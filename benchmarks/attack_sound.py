@@ -9,10 +9,10 @@ import cv2
 import foreign_files
 import h5py
 import numpy as np
+from library_files import WRITERS, write_recording
 from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.pipeline.weights import FILTERS, weight_path
-from lmmap.recordings.formats import WRITERS, write_recording
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 

@@ -17,8 +17,9 @@ import dv_processing as dv
 import numpy as np
 
 from lmmap.pipeline.histograms import histogram, windows
-from lmmap.recordings.formats import open_recording, write_aedat4, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.types import EVENT, Camera, Recording
+from lmmap_lab.bench.writers import write_recording
 
 REPEATS = 7
 
@@ -81,7 +82,7 @@ def ours(e) -> np.ndarray:
 def main(path: Path | None, folder: Path) -> None:
     if path is None:
         path = folder / "bench.aedat4"
-        write_aedat4(synthetic(), path)
+        write_recording(synthetic(), path)
     recording = open_recording(path)
     events = recording.events
     write_recording(recording, folder / "copy.h5")
@@ -95,7 +96,7 @@ def main(path: Path | None, folder: Path) -> None:
         ("read AEDAT4: lmmap, checked, with frames", len(events), lambda: open_recording(path)),
         ("  peer: dv-processing alone, unchecked", len(events), lambda: bare_reader(path)),
         ("  peer: our HDF5", len(events), lambda: open_recording(folder / "copy.h5")),
-        ("write AEDAT4: lmmap", len(few), lambda: write_aedat4(part, folder / "part.aedat4")),
+        ("write AEDAT4: lmmap", len(few), lambda: write_recording(part, folder / "part.aedat4")),
         (
             "  peer: dv-processing, push_back in a loop",
             len(few),

@@ -18,8 +18,9 @@ from pathlib import Path
 import cv2
 from bench_recordings import synthetic
 
-from lmmap.recordings.formats import WRITERS, open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.types import Recording
+from lmmap_lab.bench.writers import WRITERS, write_recording
 from lmmap_lab.provenance import DATA, ROOT
 
 MOST = 1.05

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lmmap.recordings.formats import WRITERS, open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.types import EVENT, Camera, InputError, Recording
+from lmmap_lab.bench.writers import WRITERS, write_recording
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 

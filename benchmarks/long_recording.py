@@ -16,7 +16,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lmmap.recordings.formats import WRITERS, open_recording
+from lmmap.recordings.formats import open_recording
+from lmmap_lab.bench.writers import WRITERS
 from lmmap_lab.provenance import DATA
 
 SECONDS = 1200.0

@@ -27,12 +27,13 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import images
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.bench import laboratory, sequences
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
 

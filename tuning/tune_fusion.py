@@ -28,13 +28,14 @@ from tqdm import tqdm
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, merge_by_time, true_poses
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Port, Status
 from lmmap_lab.bench import sequences
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_json, save_table
 from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap_lab.studies.sequence_files import estimates_fingerprint

@@ -1,6 +1,6 @@
 """AEDAT4, iniVation's format.
 
-Read here byte by byte: dv-processing, with which `aedat4_writer` writes it, trusts what is in a file, and of
+Read here byte by byte: iniVation's dv-processing trusts what is in a file, and of
 2000 damaged files 7 crashed or hung it.  Layout: magic, size-prefixed flatbuffer IOHeader, packets (int32
 stream, int32 size, compressed size-prefixed flatbuffer), table of packets.
 """

@@ -1,10 +1,9 @@
-"""Recordings as files, ours and foreign.
+"""Files to recordings.
 
 ``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
 whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
 ``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
 A folder of bags may share one ``camera.json``.
-Writers are atomic: a file is complete under its name, or it is not there.
 """
 
 from __future__ import annotations
@@ -12,25 +11,23 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
-from ..files import CAMERA, atomic, beside, regular_file
+from ..files import CAMERA, beside, regular_file
 from ..types import Camera, InputError, Recording
 from . import (
     aedat4,
-    aedat4_writer,
     event_stream,
     hdf5,
     images,
     prophesee,
     rosbag,
     rosbag2,
-    rosbag_writer,
     sensors,
     tables,
 )
 from .bounded_bag2 import METADATA
 from .limits import check_times
-from .pose_files import read_truth, write_trajectory
-from .stream import Source, Stream, checked_events, checked_frames, input_errors
+from .pose_files import read_truth
+from .stream import Source, Stream, input_errors
 
 
 def open_recording(path, camera: Camera | str | Path | None = None, *, fps: float | None = None) -> Recording:
@@ -101,46 +98,6 @@ def _camera(path: Path, size_px, camera, needed: bool) -> Camera | None:
             f"{camera.width_px} x {camera.height_px} px; give the calibration of this camera"
         )
     return camera
-
-
-def write_aedat4(recording: Recording, path) -> None:
-    """Write AEDAT4 (Zstandard), the camera and the truth beside it; raises `InputError`."""
-    write_recording(recording, path, (".aedat4",))
-
-
-def write_recording(recording: Recording, path, suffixes=None) -> None:
-    """Write in the format that the name ends in, the camera and the truth beside it; raises `InputError`.
-
-    Nothing gets its name before everything is written: on a full disk, what was there stays.
-    """
-    path, r = Path(path), recording
-    suffixes = suffixes or tuple(WRITERS)
-    if path.suffix not in suffixes:
-        raise InputError(
-            f"{path}: cannot write '{path.suffix}'; expected a name that ends in {', '.join(suffixes)}"
-        )
-    for _ in (
-        *checked_events(r.chunks(), r.camera.size_px),
-        *checked_frames(r.timed_frames(), r.camera.size_px),
-    ):
-        pass  # ValueError: the caller's fault, found before anything is written
-    truth = path.with_suffix(".truth.csv")
-    with atomic(path) as temporary:
-        WRITERS[path.suffix](r, temporary)
-        with atomic(path.with_suffix(".camera.json")) as camera:
-            r.camera.save(camera)
-            if r.truth is not None:
-                write_trajectory(r.truth, truth)
-            else:  # one of another recording would be taken for this one's
-                truth.unlink(missing_ok=True)
-
-
-WRITERS = {
-    ".aedat4": aedat4_writer.write,
-    ".bag": rosbag_writer.write,
-    ".h5": hdf5.write,
-    ".hdf5": hdf5.write,
-}
 
 
 def _read_folder(path: Path) -> Source:

@@ -9,9 +9,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ..types import Recording, event_array
+from ..types import event_array
 from . import prophesee
-from .hdf5_datasets import blocks, new_file, open_dataset
+from .hdf5_datasets import blocks, open_dataset
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
 
@@ -111,20 +111,3 @@ def _times_us(t: np.ndarray) -> list[int]:
     if not np.all(np.abs(t) <= MAX_TIME_US / 1e6):  # NaN neither
         raise ValueError("a time of an image is beyond any clock's")
     return np.rint(t * 1e6).astype(np.int64).tolist()
-
-
-def write(recording: Recording, path: Path) -> None:
-    """Write DSEC's layout with frames added, compressed and with checksums; raises `OSError`."""
-    r, packed = recording, dict(compression="gzip", compression_opts=1, shuffle=True, fletcher32=True)
-    offset_us = int(r.events["t_us"][0]) if len(r.events) else 0
-    with new_file(path) as file:
-        file.attrs["size_px"] = r.camera.size_px
-        file["t_offset"] = offset_us
-        columns = {"t": r.events["t_us"] - offset_us, "x": r.events["x"], "y": r.events["y"]}
-        for name, values in (columns | {"p": r.events["p"].astype(np.uint8)}).items():
-            file.create_dataset(f"events/{name}", data=values, chunks=True, maxshape=(None,), **packed)
-        shape = (None, *r.frames.shape[1:])
-        file.create_dataset(
-            "frames", data=r.frames, chunks=(1, *r.frames.shape[1:]), maxshape=shape, **packed
-        )
-        file["frames_t_us"] = r.frames_t_us

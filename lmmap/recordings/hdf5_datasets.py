@@ -10,8 +10,6 @@ import math
 import os
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 import h5py
 import hdf5plugin as hdf5plugin  # gives h5py the filter that DSEC's own files use
@@ -66,19 +64,6 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -
         if dataset.id.get_storage_size() != dataset.nbytes or end > os.path.getsize(dataset.file.filename):
             raise ValueError(f"{name} was never written")
     return dataset
-
-
-@contextmanager
-def new_file(path: Path) -> Iterator[h5py.File]:
-    """A new HDF5 file, which is kept in memory and written when the block succeeds.
-
-    HDF5 itself ends the process, with signal 11, where the disk is full.
-    """
-    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
-        yield file
-        file.flush()
-        content = file.id.get_file_image()
-    path.write_bytes(content)
 
 
 def _holds_numbers(kind: np.dtype, columns: str) -> bool:

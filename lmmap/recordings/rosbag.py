@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from rosbags.rosbag1 import ReaderError
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from ..files import regular_file
 from ..types import event_array
@@ -25,12 +25,6 @@ MAGIC = b"#ROSBAG V2.0\n"
 STORE = get_typestore(Stores.ROS1_NOETIC)
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
-for _name, _definition in (
-    ("dvs_msgs/msg/Event", EVENT_MSG),
-    ("dvs_msgs/msg/EventArray", ARRAY_MSG),
-    ("tf2_msgs/msg/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
-):
-    STORE.register(get_types_from_msg(_definition, _name))
 PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), ("ns", "<u4")]}
 
 

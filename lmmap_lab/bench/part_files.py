@@ -9,10 +9,10 @@ import h5py
 import numpy as np
 
 from lmmap.files import atomic, has_mark
-from lmmap.recordings.hdf5_datasets import new_file
 from lmmap.types import EVENT, Camera, InputError
 
 from .event_sensor import EventSensor
+from .hdf5_writer import new_file
 
 MARK = "made-of.txt"
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import joblib
 
-from lmmap.recordings.formats import write_recording
 from lmmap.types import Camera, InputError
 
 from . import sequences
+from .writers import write_recording
 
 
 def record(name: str, seconds: float, path, progress=None, camera: Camera | None = None) -> tuple[int, int]:

@@ -11,11 +11,11 @@ from tqdm import tqdm
 from lmmap.files import check_output
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
-from lmmap.recordings.formats import WRITERS
 from lmmap.types import Camera, InputError
 
 from ..bench import laboratory, photometry, sequences
 from ..bench.simulate import record, record_all
+from ..bench.writers import WRITERS
 from ..provenance import CHECKOUT, DERIVED_DATA, save_json
 from ..studies import accuracy_run
 from ..training.recipe import Recipe

@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from lmmap.files import atomic
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
-from lmmap.recordings import rosbag_writer
 from lmmap.types import (
     EVENT,
     Camera,
@@ -29,7 +28,7 @@ from lmmap.types import (
     Trajectory,
 )
 
-from ..bench import sequences
+from ..bench import rosbag_writer, sequences
 from ..bench.laboratory import sequence, sequence_motion
 from . import authors_bags, tf, ur5e
 from .rig import Rig

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lmmap.recordings.limits import MAX_POSITION_M
-from lmmap.recordings.rosbag import STORE, open_bag
-from lmmap.recordings.rosbag_writer import header, text
+from lmmap.recordings.rosbag import open_bag
 from lmmap.types import InputError, Pose
 
+from ..bench.rosbag_writer import STORE, header, text
 from . import ur5e
 from .chain import complete_chain
 from .ur5e import LinkMotion

@@ -19,13 +19,14 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import window_histograms, windows_at
 from lmmap.pipeline.run import TimedImage, estimate_image
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import OURS, BetweenSettings
 from lmmap.tracking.between import Between
 from lmmap.types import Estimate, Port, Recording
 
 from ..bench import sequences
+from ..bench.writers import write_recording
 from ..provenance import DATA, DERIVED_DATA, save_table
 from .metrics import normal_error_rad, pose_difference, position_error_m
 

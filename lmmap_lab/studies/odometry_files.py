@@ -14,12 +14,13 @@ import cv2
 import numpy as np
 
 from lmmap.pipeline.histograms import histogram, middle_us, windows_before
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_truth, write_trajectory
 from lmmap.recordings.sensors import load_camera
 from lmmap.settings import PAPER
 from lmmap.types import InputError, Recording
 
+from ..bench.writers import write_recording
 from . import odometry
 
 BLUR_PX, FULL_SCALE = 1.0, 4.0  # of event frames: Gaussian blur; blurred count that is white

@@ -8,10 +8,11 @@ import pandas as pd
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.run import estimate
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.settings import PerCamera
 from lmmap.types import Status
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.pages import failures_page
 from lmmap_lab.provenance import DATA
 

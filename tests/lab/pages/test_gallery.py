@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 
 from lmmap.pipeline.run import images, timed_images
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.types import Estimate, Status
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.pages import gallery
 from lmmap_lab.provenance import DATA
 

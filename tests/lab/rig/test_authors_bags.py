@@ -12,9 +12,10 @@ from test_rig import line, write_arm
 from lmmap import open_recording
 from lmmap.cli import main
 from lmmap.files import CAMERA
-from lmmap.recordings.formats import open_stream, write_recording
+from lmmap.recordings.formats import open_stream
 from lmmap.types import Camera, InputError, Trajectory
 from lmmap_lab.bench import sequences
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import authors_bags, calibration, checkerboard, standin
 from lmmap_lab.rig.rig import RIG_FILE, Rig

@@ -11,8 +11,8 @@ import yaml
 from rosbags.rosbag1 import Writer
 
 from lmmap.cli import main
-from lmmap.recordings import rosbag
 from lmmap.types import InputError, Port
+from lmmap_lab.bench import rosbag_writer
 from lmmap_lab.rig import standin, tf, ur5e
 from lmmap_lab.rig.rig import Rig, read_hand_eye, scale_port
 
@@ -25,7 +25,7 @@ def write_arm(path, without=(), joints=JOINTS):
     topics = {topic: (kind, list(messages)) for topic, kind, messages in tf.arm_messages(T_US, joints)}
     with Writer(path) as bag:
         for topic, (kind, messages) in topics.items():
-            connection = bag.add_connection(topic, kind, typestore=rosbag.STORE)
+            connection = bag.add_connection(topic, kind, typestore=rosbag_writer.STORE)
             for t_us, raw in messages if topic not in without else ():
                 bag.write(connection, int(t_us) * 1000, _less(raw, without) if topic == "/tf" else raw)
     return path
@@ -36,9 +36,9 @@ def _less(raw, children):
 
 
 def _edited(raw, edit):
-    message = rosbag.STORE.deserialize_ros1(raw, tf.TF[0])
+    message = rosbag_writer.STORE.deserialize_ros1(raw, tf.TF[0])
     message.transforms = edit(message.transforms)
-    return bytes(rosbag.STORE.serialize_ros1(message, tf.TF[0]))
+    return bytes(rosbag_writer.STORE.serialize_ros1(message, tf.TF[0]))
 
 
 def assert_moves_as(motion: ur5e.ArmMotion, joints=JOINTS):
@@ -81,7 +81,7 @@ def test_a_missing_arm_is_named(tmp_path):
                      line(tf.arm_motion, path, "base_link", "tool0"))  # fmt: skip
     assert "no frames world and hand in /tf; it has base" in line(tf.arm_motion, path, "world", "hand")
     with Writer(tmp_path / "b.bag") as bag:
-        bag.add_connection("/rosout", "std_msgs/msg/String", typestore=rosbag.STORE)
+        bag.add_connection("/rosout", "std_msgs/msg/String", typestore=rosbag_writer.STORE)
     assert "no /tf and no /joint_states among its topics (/rosout)" in line(
         tf.read_transforms, tmp_path / "b.bag"
     )

@@ -14,9 +14,10 @@ from test_odometry import track
 
 from lmmap.cli import main
 from lmmap.pipeline.histograms import histogram
-from lmmap.recordings.formats import open_recording, write_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.types import Camera, InputError, Recording
+from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA
 from lmmap_lab.studies import odometry_files
 

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from library_files import write_recording
 
 from lmmap.cli import main
 from lmmap.pipeline.weights import load_network, weight_path
-from lmmap.recordings.formats import READERS, open_recording, write_recording
+from lmmap.recordings.formats import READERS, open_recording
 from lmmap.types import EVENT, Camera, Recording
 from lmmap_lab.provenance import DATA, ROOT
 

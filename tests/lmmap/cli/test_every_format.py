@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import test_prophesee as prophesee
 import test_rosbag2 as ros2
+from library_files import write_recording
 from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
 from lmmap.drawing import overlay
-from lmmap.recordings.formats import READERS, open_recording, write_recording
+from lmmap.recordings.formats import READERS, open_recording
 from lmmap.types import Recording
 from lmmap_lab.provenance import DATA
 
@@ -25,7 +26,7 @@ def mini() -> Recording:
     return open_recording(MINI)
 
 
-def ours(path, r):
+def library(path, r):
     write_recording(r, path)
 
 
@@ -102,8 +103,8 @@ def folder(path, r):
 
 
 EVENTS = {
-    "e.aedat4": ours, "e.bag": ours, "e.h5": ours, "e.hdf5": prophesee_hdf5, "e.txt": text, "e.csv": csv,
-    "e.npy": npy, "evt2.raw": raw(prophesee.evt2), "evt21.raw": raw(prophesee.evt21),
+    "e.aedat4": library, "e.bag": library, "e.h5": library, "e.hdf5": prophesee_hdf5, "e.txt": text,
+    "e.csv": csv, "e.npy": npy, "evt2.raw": raw(prophesee.evt2), "evt21.raw": raw(prophesee.evt21),
     "evt3.raw": raw(prophesee.evt3), "e.dat": dat, "e.es": es, "e.mcap": packets(StoragePlugin.MCAP),
     "e.db3": packets(StoragePlugin.SQLITE3), "bag2": packets(StoragePlugin.SQLITE3),
 }  # fmt: skip

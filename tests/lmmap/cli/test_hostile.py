@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 import torch
 from attack_sound import CAMERA
+from library_files import write_recording
 from test_accuracy_run import made_up
 from test_train import toy  # noqa: F401
 
 from lmmap.cli import main
 from lmmap.cli.arguments import parser
 from lmmap.files import InputError, lock
-from lmmap.recordings.formats import write_recording
 from lmmap.recordings.journal import Journal
 from lmmap_lab.bench import photometry
 from lmmap_lab.cli import bench

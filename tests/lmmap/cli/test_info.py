@@ -6,11 +6,11 @@ import dv_processing as dv
 import numpy as np
 import pytest
 import test_prophesee as prophesee
+from library_files import write_recording
 from test_bad_input import write_camera
 from test_format_table import short
 
 from lmmap.cli import main
-from lmmap.recordings.formats import write_recording
 from lmmap.types import Pose
 from lmmap_lab.rig.rig import Rig
 
@@ -75,7 +75,7 @@ def test_topics_encoding_and_what_would_be_estimated(info, tmp_path):
     r = short()
     write_recording(r, tmp_path / "r.bag")
     facts = info(tmp_path / "r.bag")
-    assert any("dvs_msgs/msg/EventArray" in topic for topic in facts["topics"]) and len(facts["topics"]) == 3
+    assert any("dvs_msgs/msg/EventArray" in topic for topic in facts["topics"]) and len(facts["topics"]) == 2
     assert facts["would_estimate"] == {"rgb": len(r.frames), "event": len(r.events) // 35_000}
     assert facts["networks"] == "robust"
     (tmp_path / "e.raw").write_bytes(prophesee.evt21(r.events))

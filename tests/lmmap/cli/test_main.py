@@ -24,12 +24,13 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
-from lmmap.recordings.formats import WRITERS, open_recording
+from lmmap.recordings.formats import open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.settings import OURS
 from lmmap.types import Camera, Estimate, Status
 from lmmap_lab.bench import laboratory
+from lmmap_lab.bench.writers import WRITERS
 from lmmap_lab.provenance import DATA, ROOT
 
 MINI = DATA / "mini" / "test-low.aedat4"

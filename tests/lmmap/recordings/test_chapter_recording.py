@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from test_book import BOOK, cells
 
-from lmmap.recordings.formats import write_recording
 from lmmap.types import EVENT, Camera, Recording
+from lmmap_lab.bench.writers import write_recording
 
 matplotlib.use("Agg")
 

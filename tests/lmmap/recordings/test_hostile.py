@@ -15,7 +15,7 @@ from attack_directed import directed_files
 from attack_sound import CAMERA, sound_files
 
 from lmmap.cli.progress import Bar
-from lmmap.recordings import bounded_bag, formats, rosbag_writer, stream
+from lmmap.recordings import bounded_bag, formats, stream
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.hdf5_datasets import rows_at_once
 from lmmap.recordings.health import health
@@ -70,11 +70,6 @@ def test_times_are_bounded_for_who_counts_faults_too(tmp_path):
 def test_a_chunk_of_a_bag_is_as_long_as_it_says():
     with pytest.raises(ValueError, match="does not decompress to its 10 bytes"):
         bounded_bag._decompress(None, 10, b"x" * 11)
-
-
-def test_ros_cannot_write_negative_times():
-    with pytest.raises(InputError, match="shift"):
-        rosbag_writer.header(-1)
 
 
 def test_our_own_mistakes_are_not_damaged_files(tmp_path):

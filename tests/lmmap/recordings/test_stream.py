@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from library_files import WRITERS, write_recording
 from strategies import cut
 
-from lmmap.recordings.formats import WRITERS, open_recording, open_stream, write_recording
+from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.stream import Source, Stream, checked_events, checked_frames, in_chunks
 from lmmap.types import EVENT, Camera, InputError
 

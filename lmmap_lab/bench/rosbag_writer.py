@@ -8,12 +8,20 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..types import Camera, InputError, Recording
-from .bags import IMAGES
-from .rosbag import STORE
-from .stream import pieces
+from lmmap.recordings.bags import IMAGES
+from lmmap.recordings.rosbag import ARRAY_MSG, EVENT_MSG
+from lmmap.recordings.stream import pieces
+from lmmap.types import Camera, InputError, Recording
 
+STORE = get_typestore(Stores.ROS1_NOETIC)
+for _name, _definition in (
+    ("dvs_msgs/msg/Event", EVENT_MSG),
+    ("dvs_msgs/msg/EventArray", ARRAY_MSG),
+    ("tf2_msgs/msg/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
+):
+    STORE.register(get_types_from_msg(_definition, _name))
 PER_MESSAGE = 10_000  # events, as a DAVIS driver at its default rate
 
 

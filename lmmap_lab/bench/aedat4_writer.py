@@ -9,8 +9,8 @@ from pathlib import Path
 import dv_processing as dv
 import numpy as np
 
-from ..types import EVENT, Recording
-from .stream import pieces
+from lmmap.recordings.stream import pieces
+from lmmap.types import EVENT, Recording
 
 PACKET = 100_000  # events in one
 
