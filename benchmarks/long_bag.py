@@ -16,11 +16,11 @@ from long_recording import MAIN, child
 
 from lmmap import open_recording
 from lmmap.files import CAMERA, atomic
+from lmmap.recordings.rig import RIG_FILE
 from lmmap.types import Camera
 from lmmap_lab.bench import rosbag_writer
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import authors_bags, standin, tf
-from lmmap_lab.rig.rig import RIG_FILE
 from lmmap_lab.rig.ur5e import follow
 
 LIMIT_GB = 2.0

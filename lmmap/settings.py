@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+MODALITIES = ("rgb", "event")
+
 
 @dataclass(frozen=True)
 class PerCamera:

@@ -17,12 +17,12 @@ from browser import PROGRAM, chromium
 from lmmap_print import print_book
 from scipy.spatial.transform import Rotation
 
+from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.projection import bearings
 from lmmap.pipeline import circle
 from lmmap.types import Camera, Pose
 from lmmap_lab.provenance import ROOT
-from lmmap_lab.studies.metrics import normal_error_rad
 
 BOOK = ROOT / "_build" / "html"
 PAGES = sorted(BOOK.rglob("*.html"))

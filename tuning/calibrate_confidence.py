@@ -29,12 +29,12 @@ import wrong_poses
 from choose_thresholds import right
 from scipy.spatial.transform import Rotation
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.types import Estimate, Pose
 from lmmap_lab.provenance import DATA, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
 from lmmap_lab.studies.sequence_files import looks_of
 

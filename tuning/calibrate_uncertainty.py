@@ -21,6 +21,7 @@ import pandas as pd
 from scipy.stats import chi2
 from tqdm import tqdm
 
+from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline import circle, refine, yaw
 from lmmap.pipeline.estimator import Estimator
@@ -35,7 +36,6 @@ from lmmap.types import Camera, Port, Pose
 from lmmap_lab.bench import laboratory, sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
 SECONDS, RATE_HZ = 1.6, 5.0

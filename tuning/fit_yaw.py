@@ -17,13 +17,13 @@ import pandas as pd
 import wrong_poses
 from choose_thresholds import right
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS, PerCamera
 from lmmap_lab.provenance import DATA, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
 NEAR_RAD = np.deg2rad(4.0)  # of the true yaw: what shall be probable
 RIDGE = 1.0  # of standardised weights

@@ -15,7 +15,7 @@ from lmmap.pipeline.weights import shipped_gaps
 from lmmap_lab.bench import laboratory
 from lmmap_lab.provenance import DERIVED_DATA, fingerprint, save_table
 from lmmap_lab.studies import accuracy_run, sequence_files
-from lmmap_lab.studies.pose_errors import LIGHTS
+from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.training.mask_quality import filter_quality, medians
 
 FOLDER = DERIVED_DATA / "judged"

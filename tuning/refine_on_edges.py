@@ -22,9 +22,9 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rotation_error_rad
 from lmmap.settings import OURS, PerCamera
 from lmmap_lab.provenance import DATA, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m, rotation_error_rad
 
 PORT = wrong_poses.PORT
 REGION = chi2.ppf(0.95, 6)

@@ -20,6 +20,7 @@ from pathlib import Path
 import pandas as pd
 from wrong_poses import CAMERA, EACH, LIGHTS, PORT, looks, of_light
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.pipeline import circle
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import CHANNELS
@@ -31,7 +32,6 @@ from lmmap.types import Pose
 from lmmap_lab.bench import labels, sequences
 from lmmap_lab.bench.renderer import ray_grid
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 from lmmap_lab.studies.right_and_wrong import shares
 from lmmap_lab.training import train
 from lmmap_lab.training.mask_quality import iou

@@ -18,12 +18,12 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import chi2
 
+from lmmap.evaluation.pose_errors import pose_difference
 from lmmap.settings import OURS
 from lmmap.tracking.edges import EdgeFinder
 from lmmap.types import Port
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 from lmmap_lab.studies import between_images
-from lmmap_lab.studies.metrics import pose_difference
 
 SECONDS = {"1.5": 4.0, "30": 2.0, "150": 2.0}
 NUMBERS = {"1.5": (102,), "30": range(101, 107), "150": range(101, 107)}  # two of each light

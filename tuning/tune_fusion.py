@@ -25,24 +25,23 @@ from calibrate_uncertainty import log_scores, mahalanobis
 from scipy.stats import chi2
 from tqdm import tqdm
 
+from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, merge_by_time, true_poses
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
-from lmmap.settings import OURS, MotionSettings
+from lmmap.settings import MODALITIES, OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Port, Status
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_json, save_table
-from lmmap_lab.studies.metrics import normal_error_rad, pose_difference, position_error_m
 from lmmap_lab.studies.sequence_files import estimates_fingerprint
 
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
 SECONDS, RATE_HZ = 8.0, 10.0
-MODALITIES = ("rgb", "event")
 SILENT_S = {"rgb": (2.0, 4.0), "event": (3.5, 5.5)}  # both for half a second
 ACCELERATION_M, ACCELERATION_RAD = (0.01, 0.02, 0.04, 0.08), (0.05, 0.1, 0.2, 0.4)
 CORRELATION_S = (0.0, 0.05, 0.1, 0.2, 0.4)

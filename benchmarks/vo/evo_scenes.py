@@ -8,8 +8,8 @@ waits for maps, as if each thread had a core of its own.  ``wall_mev_per_s`` is 
 said, beside all else that the machine did.  Both begin when the start is over.
 
 Errors are absolute, after one similarity: its scale and place are those of the first 40 poses at 20 Hz from
-the end of the bootstrap on, as in `lmmap_lab.studies.metrics`.  The depth of a map's point is compared with
-the nearest true surface within a pixel, for an edge between two surfaces belongs to the nearer.
+the end of the bootstrap on, as in `lmmap_lab.studies.trajectory_errors`.  The depth of a map's point is
+compared with the nearest true surface within a pixel, for an edge between two surfaces belongs to the nearer.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import pandas as pd
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.types import Camera, Pose, Trajectory
 from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, load_table, save_table
-from lmmap_lab.studies.metrics import umeyama
 from lmmap_lab.studies.odometry import ALIGNED_POSES, FOLDER
+from lmmap_lab.studies.trajectory_errors import umeyama
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # so that the package has one name, vo.evo
 

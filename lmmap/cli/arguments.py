@@ -7,18 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from lmmap_lab.cli.arguments import add_authors, add_studies
-
-from .choices import (
-    DEFAULT_WEIGHTS,
-    DOMAIN_GAPS,
-    MODALITIES,
-    PAPER_WEIGHTS,
-    PROFILES,
-    SHELLS,
-    WRITTEN,
-    profile,
-)
+from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, MODALITIES, PAPER_WEIGHTS, SHELLS
 from .commands import Commands
 
 ESTIMATE = """examples:
@@ -67,128 +56,76 @@ def parser(complete_files=None) -> argparse.ArgumentParser:
         shtab's word for arguments that are files, where a completion script is made.
     """
     commands = Commands(complete_files)
-    _add_bench(commands)
-    _add_recordings(commands)
-    add_studies(commands)
-    add_authors(commands)
+    for add in (_estimate, _draw, _evaluate, _info, _pictures, _live, _completion):
+        add(commands)
+    commands.add_installed()
     return commands.parser
 
 
-def _add_bench(commands: Commands) -> None:
-    command = commands.add(
-        "simulate",
-        "lmmap_lab.cli.bench:simulate",
-        "record sequences of the bench, and their ground truth",
-    )
-    command.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
-    commands.add_file(
-        command,
-        "--as-published",
-        metavar="FOLDER",
-        help="write stand-ins for the authors' bags into this folder instead",
-    )
-    command.add_argument("--seconds", type=float, help="length of each sequence (default: the profile's)")
-    command.add_argument("--profile", choices=PROFILES, default=profile(), help="decides the default lengths")
-    commands.add_file(command, "--camera", help="calibration of another camera, distortion included")
-    command.add_argument("--jobs", type=int, default=1, help="how many sequences to simulate at once")
-    command.add_argument("--scheduler", metavar="ADDRESS", help="Dask cluster that does the work")
-    commands.add_output(
-        command, f"recording to write, ending in {', '.join(WRITTEN)}; {{}} stands for the sequence's name"
-    )
-    command = commands.add(
-        "photometry",
-        "lmmap_lab.cli.bench:calibrate_lamps",
-        "calibrate exposure and lamps to the paper's saturation rows",
-    )
-    commands.add_output(command, "JSON file for the result and its provenance")
-
-
-def _add_recordings(commands: Commands) -> None:
-    command = commands.add(
-        "estimate",
-        "lmmap.cli.estimation:estimate",
-        "estimate the port's pose in each frame or histogram of a recording",
-        ESTIMATE,
-    )
+def _estimate(commands: Commands) -> None:
+    text = "estimate the port's pose in each frame or histogram of a recording"
+    command = commands.add("estimate", "lmmap.cli.estimation:estimate", text, ESTIMATE)
     commands.add_recording(command)
     _add_estimation(commands, command, required=True, fused=True)
     commands.add_output(command, "poses to write, each as soon as it is known", required=True)
-    command.add_argument(
-        "--format",
-        choices=("csv", "tum"),
-        help="format of the poses (default: tum if the name ends in .tum, else csv)",
-    )
-    commands.add_file(
-        command, "--video", help="overlay to write, .mp4 or .avi; takes two or three times as long"
-    )
+    text = "format of the poses (default: tum if the name ends in .tum, else csv)"
+    command.add_argument("--format", choices=("csv", "tum"), help=text)
+    text = "overlay to write, .mp4 or .avi; takes two or three times as long"
+    commands.add_file(command, "--video", help=text)
     commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
     command.add_argument(
-        "--track",
-        action="store_true",
-        help="look only where earlier images predict the port",
+        "--track", action="store_true", help="look only where earlier images predict the port"
     )
     _add_between(command, "with --track")
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
 
-    command = commands.add(
-        "draw",
-        "lmmap.cli.drawing:draw",
-        "draw poses on the images that they were estimated from, as a video",
-        DRAW,
-    )
+
+def _draw(commands: Commands) -> None:
+    text = "draw poses on the images that they were estimated from, as a video"
+    command = commands.add("draw", "lmmap.cli.drawing:draw", text, DRAW)
     commands.add_recording(command)
     commands.add_file(command, "poses", metavar=None, help="CSV that lmmap estimate wrote")
     command.add_argument("--modality", choices=MODALITIES, required=True, help="the estimate's own")
     commands.add_file(command, "--port", help="the estimate's own")
     command.add_argument("--rate", type=float, metavar="HZ", help="the estimate's own")
     command.add_argument("--events", type=int, metavar="N", help="the estimate's own")
-    commands.add_output(
-        command, "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun", required=True
-    )
+    text = "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun"
+    commands.add_output(command, text, required=True)
     command.add_argument("--resume", action="store_true", help="go on with an interrupted video")
 
-    command = commands.add(
-        "evaluate",
-        "lmmap.cli.evaluation:evaluate",
-        "errors and detection rates on a recording whose truth is known",
-        EVALUATE,
-    )
+
+def _evaluate(commands: Commands) -> None:
+    text = "errors and detection rates on a recording whose truth is known"
+    command = commands.add("evaluate", "lmmap.cli.evaluation:evaluate", text, EVALUATE)
     commands.add_recording(command)
     commands.add_file(command, "--truth", help="CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
     _add_estimation(commands, command, required=False, fused=True)
-    command.add_argument(
-        "--as-printed",
-        action="store_true",
-        help="run the procedure of the paper's text, each camera alone",
-    )
+    text = "run the procedure of the paper's text, each camera alone"
+    command.add_argument("--as-printed", action="store_true", help=text)
     command.add_argument("--json", action="store_true", help="print JSON")
 
-    command = commands.add(
-        "info", "lmmap.cli.info:info", "what a recording holds, and whether it is sound", INFO
-    )
+
+def _info(commands: Commands) -> None:
+    text = "what a recording holds, and whether it is sound"
+    command = commands.add("info", "lmmap.cli.info:info", text, INFO)
     commands.add_recording(command)
     command.add_argument("--json", action="store_true", help="print JSON")
 
-    command = commands.add(
-        "pictures",
-        "lmmap.cli.pictures:pictures",
-        "draw the port that each set of mask networks finds in pictures of unknown lenses",
-        PICTURES,
-    )
+
+def _pictures(commands: Commands) -> None:
+    text = "draw the port that each set of mask networks finds in pictures of unknown lenses"
+    command = commands.add("pictures", "lmmap.cli.pictures:pictures", text, PICTURES)
     commands.add_file(command, "source", metavar="PDF-or-FOLDER", help="a PDF, or a folder of pictures")
     command.add_argument("--modality", choices=MODALITIES, help="frames or histograms (default: try both)")
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
-    commands.add_output(
-        command, "folder for the drawings, one a picture and camera", required=True, metavar="FOLDER"
-    )
+    text = "folder for the drawings, one a picture and camera"
+    commands.add_output(command, text, required=True, metavar="FOLDER")
 
-    command = commands.add(
-        "live",
-        "lmmap.cli.live:live",
-        "poses as images come, from a camera or from a recording that is played",
-        LIVE,
-    )
+
+def _live(commands: Commands) -> None:
+    text = "poses as images come, from a camera or from a recording that is played"
+    command = commands.add("live", "lmmap.cli.live:live", text, LIVE)
     commands.add_recording(command, nargs="?")
     _add_estimation(commands, command, required=True)
     commands.add_output(command, "poses to write as well (CSV, or TUM if the name ends in .tum)")
@@ -196,9 +133,10 @@ def _add_recordings(commands: Commands) -> None:
     _add_between(command, "with --modality event")
     command.add_argument("--json", action="store_true", help="print a line of JSON for each pose")
 
-    command = commands.add(
-        "completion", "lmmap.cli.completion:completion", "print the completion script of a shell", COMPLETION
-    )
+
+def _completion(commands: Commands) -> None:
+    text = "print the completion script of a shell"
+    command = commands.add("completion", "lmmap.cli.completion:completion", text, COMPLETION)
     command.add_argument("shell", choices=SHELLS)
 
 
@@ -212,17 +150,11 @@ def _add_estimation(commands: Commands, command, required: bool, fused: bool = F
     text = "which images to use" if required else "which images to use (default: all)"
     command.add_argument("--modality", choices=choices, required=required, help=text)
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
-    command.add_argument(
-        "--rate", type=float, metavar="HZ", help="estimates a second (default: every frame, every N events)"
-    )
-    command.add_argument(
-        "--events", type=int, metavar="N", help="events in a histogram (default: 0.39 for each pixel)"
-    )
-    command.add_argument(
-        "--domain-gap",
-        choices=DOMAIN_GAPS,
-        help=f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)",
-    )
-    command.add_argument(
-        "--weights", metavar="FOLDER", help="mask networks of your own, in files named as those of lmmap"
-    )
+    text = "estimates a second (default: every frame, every N events)"
+    command.add_argument("--rate", type=float, metavar="HZ", help=text)
+    text = "events in a histogram (default: 0.39 for each pixel)"
+    command.add_argument("--events", type=int, metavar="N", help=text)
+    text = f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)"
+    command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    text = "mask networks of your own, in files named as those of lmmap"
+    command.add_argument("--weights", metavar="FOLDER", help=text)

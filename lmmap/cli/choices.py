@@ -4,17 +4,7 @@ The modules that own these names take seconds to import, and ``--help`` is to an
 them.
 """
 
-import os
-
-FILTERS = ("ring", "reflector")
 MODALITIES = ("rgb", "event")
 DOMAIN_GAPS = ("high", "low", "robust")
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
-PROFILES = ("quick", "paper")
-WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 SHELLS = ("bash", "zsh", "tcsh")
-
-
-def profile() -> str:
-    """The profile that the environment asks for, by default the quick one."""
-    return os.environ.get("PROFILE", "quick")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from itertools import groupby
 from pathlib import Path
 
+from . import plugins
+
+OWN, OTHERS = "commands", "commands of the laboratory behind the book"
+
 EXAMPLES = """examples:
-  lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
-  lmmap info demo.aedat4
-  lmmap estimate demo.aedat4 --modality event -o poses.csv
-  lmmap evaluate demo.aedat4
+  lmmap info run.aedat4
+  lmmap estimate run.aedat4 --modality event -o poses.csv
+  lmmap draw run.aedat4 poses.csv --modality event -o overlay.mp4
 'lmmap COMMAND --help' has more of them.
 """
 
@@ -28,33 +32,59 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _Listing(argparse.RawDescriptionHelpFormatter):
+    """Help that lists the subcommands under headings."""
+
+    def _format_action(self, action) -> str:
+        if not isinstance(action, argparse._SubParsersAction):
+            return super()._format_action(action)
+        parts = []
+        for heading, commands in groupby(action._get_subactions(), lambda c: action.choices[c.dest].heading):
+            parts += [f"\n{heading}:\n"] if parts else []  # the first is the section's own
+            parts += map(super()._format_action, commands)
+        return "".join(parts)
+
+
 class Commands:
     """The parser of the command line, as it grows by one subcommand after another."""
 
     def __init__(self, complete_files=None):
-        self.complete_files = complete_files
+        self.complete_files, self._heading = complete_files, OWN
         self.parser = argparse.ArgumentParser(
             "lmmap",
             description="Pose of the LM-MAP docking port from an RGB or event camera.",
             epilog=EXAMPLES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Listing,
         )
         self.parser.add_argument(
             "--version", action=_Version, nargs=0, help="print the version of lmmap and exit"
         )
-        self._commands = self.parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def add(self, name: str, run: str, text: str, examples: str = "") -> argparse.ArgumentParser:
-        """A subcommand whose work is done by ``run``, a function named as ``module:function``."""
-        command = self._commands.add_parser(
-            name,
-            help=text,
-            description=text[0].upper() + text[1:],
-            epilog=examples,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+        self._commands = self.parser.add_subparsers(
+            title=OWN, dest="command", required=True, metavar="COMMAND"
         )
+
+    def add(self, name: str, run: str, text: str, examples: str = "", **options) -> argparse.ArgumentParser:
+        """A subcommand whose work is done by ``run``, a function named as ``module:function``."""
+        description = text[0].upper() + text[1:]
+        form = argparse.RawDescriptionHelpFormatter
+        command = self._commands.add_parser(
+            name, help=text, description=description, epilog=examples, formatter_class=form, **options
+        )
+        command.heading = self._heading
         command.set_defaults(run=run)
         return command
+
+    def add_installed(self) -> None:
+        """Add the subcommands of other packages; one that cannot be imported says so when it is run."""
+        self._heading = OTHERS
+        for name, add in plugins.entry_points(plugins.COMMANDS).items():
+            try:
+                plugins.call(name, add, self)
+            except plugins.NotInstalled as reason:
+                text, anything = f"needs {plugins.INSTALL}", {"prefix_chars": "\0", "add_help": False}
+                command = self.add(name, "lmmap.cli.plugins:refuse", text, **anything)
+                command.add_argument("anything", nargs="*")  # options, too, since none has their prefix
+                command.set_defaults(reason=reason)
 
     def add_file(self, command, *names: str, **options) -> None:
         """An argument that is a file's name, which the shell can complete."""

@@ -22,26 +22,24 @@ def draw(a) -> None:
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
     timed_images = run.timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
-    view, drawn, poses = _view(a, stream.camera), 0, 0
+    view = _view(a, stream.camera)
     try:
         with view as video, Bar(stream, a.modality) as bar:
             for timed in timed_images:
                 images = dict([timed.wider] if timed.wider else []) | {timed.t_us: timed.image}
                 for t_us in sorted(images.keys() & estimates.keys()):
                     video.add(images[t_us], estimates[t_us])
-                    drawn += 1
-                    poses += estimates[t_us].T_cam_port is not None
-                    bar.show(t_us, drawn, poses)
+                    bar.add(estimates[t_us])
     except KeyboardInterrupt:
         if isinstance(view, RerunLog):
             raise
         raise KeyboardInterrupt(f"{view.video.folder} keeps what was drawn, --resume goes on") from None
-    if not drawn:
+    if not bar.images:
         raise InputError(
             f"{a.poses}: none of its {len(estimates)} times is that of an image of {a.recording}; give the "
             "--modality, --rate and --events that it was made with"
         )
-    print(f"{a.output}: {drawn} images, {poses} with a pose")
+    print(f"{a.output}: {bar.images} images, {bar.poses} with a pose")
 
 
 def _view(a, camera: Camera) -> Overlay | RerunLog:

@@ -4,28 +4,37 @@ from __future__ import annotations
 
 import json
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from lmmap_lab.studies import pose_errors
-
+from ..evaluation import cells, error_table
 from ..pipeline import run
 from ..recordings.pose_files import read_truth
+from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
+from ..settings import MODALITIES
 from ..tracking.fusion import fuse
-from ..types import Estimate, InputError, Port
-from .inputs import find_rig, make_estimator, open_input
+from ..types import Estimate, InputError, Port, Trajectory
+from . import plugins
+from .inputs import make_estimator, open_input
 from .progress import Bar
-
-SINGLE = pose_errors.MODALITIES  # each camera alone
 
 
 def evaluate(a) -> None:
     """Print the errors of each camera and of both."""
-    stream = _with_truth(a, open_input(a))
-    estimates, port = _estimates(a, stream)
+    if a.as_printed and a.modality == "fused":
+        raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
+    stream = open_input(a)
+    stream = replace(stream, truth=_truth(a, stream))
+    single = (a.modality,) if a.modality in MODALITIES else MODALITIES
+    estimators = {m: make_estimator(a, stream.camera, m) for m in single}
+    port = estimators[single[0]].port
+    estimates = {m: _estimates(stream, e, a.rate) for m, e in estimators.items()}
+    if single == MODALITIES and all(estimates.values()) and not a.as_printed:
+        estimates["fused"] = list(fuse(run.merge_by_time(estimates), port.yaw_period_rad, a.rate))
     tables = _error_tables(a, stream, estimates, port)
     if a.json:
         print(json.dumps({m: _as_json(table) for m, table in tables.items()}, indent=1))
@@ -33,65 +42,59 @@ def evaluate(a) -> None:
         _print_tables(tables)
 
 
-def _with_truth(a, stream: Stream) -> Stream:
-    """The stream with the truth that is named, or that lies beside it, or that its arm's motion gives."""
+def _truth(a, stream: Stream) -> Trajectory:
+    """The truth that is named, or that lies beside the recording, or that the arm of its rig gives."""
     if a.truth:
-        stream = replace(stream, truth=read_truth(a.truth))
-    elif stream.truth is None and (rig := find_rig(a.recording)):
-        stream = replace(stream, truth=rig.truth(a.recording))
-    if stream.truth is None:
-        name = f"{a.recording.stem}.truth.csv"
-        also = "; or from its arm, with lmmap calibrate" if a.recording.suffix == ".bag" else ""
-        raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
-    return stream
+        return read_truth(a.truth)
+    if stream.truth is not None:
+        return stream.truth
+    if rig := find_rig(a.recording):
+        with suppress(plugins.NotInstalled):
+            for function in plugins.entry_points(plugins.TRUTHS).values():
+                return plugins.call("evaluate", function, a.recording, rig)
+    name, also = f"{a.recording.stem}.truth.csv", ""
+    if a.recording.suffix == ".bag":
+        also = f"; or from its arm, with lmmap calibrate ({plugins.INSTALL})"
+    raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
 
 
-def _estimates(a, stream: Stream) -> tuple[dict[str, list[Estimate]], Port]:
-    """Estimates of each modality that is evaluated, and the port that they are of."""
-    if a.as_printed and a.modality == "fused":
-        raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
-    estimates = {}
-    for modality in [a.modality] if a.modality in SINGLE else SINGLE:
-        estimator = make_estimator(a, stream.camera, modality)
-        estimates[modality], poses = [], 0
-        with Bar(stream, modality) as bar:
-            for e in run.estimate(stream, estimator, a.rate):
-                estimates[modality].append(e)
-                poses += e.T_cam_port is not None
-                bar.show(e.t_us, len(estimates[modality]), poses)
-    if all(estimates.values()) and a.modality not in SINGLE and not a.as_printed:
-        estimates["fused"] = list(fuse(run.merge_by_time(estimates), estimator.port.yaw_period_rad, a.rate))
-    return estimates, estimator.port
+def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimate]:
+    """One camera's estimates."""
+    estimates = []
+    with Bar(stream, estimator.modality) as bar:
+        for e in run.estimate(stream, estimator, rate_hz):
+            estimates.append(e)
+            bar.add(e)
+    return estimates
 
 
 def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, pd.DataFrame]:
-    """Errors (`pose_errors.errors`) of the modalities with data that the truth covers."""
-    tables = {}
-    for modality in [a.modality] if a.modality else estimates:
-        table = pose_errors.errors(stream, estimates.get(modality, []), port)
-        if len(table):
-            tables[modality] = table
-        elif a.modality:
-            raise InputError(f"{a.recording}: holds no {modality} data that its truth covers; try the other")
+    """Errors (`error_table.errors`) of the modalities with data that the truth covers."""
+    asked = [a.modality] if a.modality else list(estimates)
+    tables = {m: error_table.errors(stream, estimates.get(m, []), port) for m in asked}
+    tables = {m: table for m, table in tables.items() if len(table)}
     if not tables:
-        raise InputError(f"{a.recording}: holds no data that its truth covers; check the truth's times")
-    if missing := [m for m in estimates if m not in tables]:
-        warnings.warn(f"{a.recording}: holds no {' and no '.join(missing)} data that its truth covers",
-                      stacklevel=2)  # fmt: skip
+        what, remedy = (
+            (f"{a.modality} data", "try the other") if a.modality else ("data", "check the truth's times")
+        )
+        raise InputError(f"{a.recording}: holds no {what} that its truth covers; {remedy}")
+    if missing := [m for m in asked if m not in tables]:
+        text = f"{a.recording}: holds no {' and no '.join(missing)} data that its truth covers"
+        warnings.warn(text, stacklevel=2)
     return tables
 
 
 def _as_json(table: pd.DataFrame) -> dict:
     """The report, and the paper's table by ``filter/metric/variant/statistic``; None for what is unknown."""
-    keys = ["outlier_filter", "metric", "variant", "statistic"]
-    rows = pose_errors.summary(table).set_index(keys)["value"].replace({np.nan: None})
-    report = {k: None if np.isnan(v) else v for k, v in pose_errors.report(table).items()}
-    return report | {"table": {"/".join(k): v for k, v in rows.items()}}
+    report = error_table.report(table)
+    values = {"/".join(cell[:4]): value for *cell, value in cells.summary(table).itertuples(index=False)}
+    known = [{k: None if np.isnan(v) else v for k, v in part.items()} for part in (report, values)]
+    return known[0] | {"table": known[1]}
 
 
 def _print_tables(tables: dict[str, pd.DataFrame]) -> None:
-    reports = {m: pose_errors.report(table) for m, table in tables.items()}
-    summaries = {m: pose_errors.summary(table) for m, table in tables.items()}
+    reports = {m: error_table.report(table) for m, table in tables.items()}
+    summaries = {m: cells.summary(table) for m, table in tables.items()}
     rows = [(name, [report[name] for report in reports.values()]) for name in next(iter(reports.values()))]
     filtered = next(iter(summaries.values())).query("variant == 'exact' and outlier_filter == 'with'")
     for k, row in filtered.iterrows():
@@ -102,5 +105,5 @@ def _print_tables(tables: dict[str, pd.DataFrame]) -> None:
     print(" " * width + "".join(f"{m:>10}" for m in reports))
     for name, values in rows:
         digits = 0 if isinstance(values[0], int) else 2
-        cells = "".join(f"{'-':>10}" if np.isnan(v) else f"{v:10.{digits}f}" for v in values)
-        print(f"{name.replace('_', ' '):{width}}{cells}")
+        numbers = "".join(f"{'-':>10}" if np.isnan(v) else f"{v:10.{digits}f}" for v in values)
+        print(f"{name.replace('_', ' '):{width}}{numbers}")

@@ -9,9 +9,10 @@ from ..pipeline.rescale import trained_range_m, warn_of_lens
 from ..recordings import sensors
 from ..recordings.formats import format_name
 from ..recordings.health import health
+from ..recordings.rig import find_rig
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS
-from .inputs import find_rig, open_input
+from .inputs import open_input
 from .progress import RED, add_colour
 
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")

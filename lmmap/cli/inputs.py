@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lmmap_lab.rig import rig
-
-from ..files import beside
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
+from ..recordings.rig import find_rig
 from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
 from ..types import Camera, InputError, Port
@@ -28,8 +26,8 @@ def input_files(a) -> list[Path]:
     recording = getattr(a, "recording", None)
     endings = (".camera.json", ".truth.csv", ".truth.tum")
     sidecars = [recording.with_suffix(ending) for ending in endings] if recording and recording.name else []
-    named = [getattr(a, name, None) for name in ("camera", "port", "truth", "hand_eye")]
-    return [path for path in (recording, *sidecars, *named, *getattr(a, "bags", ())) if path]
+    named = [getattr(a, name, None) for name in ("camera", "port", "truth")]
+    return [path for path in (recording, *sidecars, *named) if path]
 
 
 def network_set(a) -> str:
@@ -43,10 +41,9 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstim
         raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
-    printed = getattr(a, "as_printed", False)
-    estimator = PrintedEstimator if printed else Estimator
-    weights = a.weights or network_set(a)
-    return estimator(camera, find_port(a), modality, weights, settings_for(camera, a.events))
+    kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
+    weights, settings = a.weights or network_set(a), settings_for(camera, a.events)
+    return kind(camera, find_port(a), modality, weights, settings)
 
 
 def check_between(a) -> None:
@@ -61,12 +58,6 @@ def find_port(a) -> Port:
     """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
     known = None if a.port else find_rig(a.recording)
     return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
-
-
-def find_rig(recording) -> rig.Rig | None:
-    """What a folder of bags says of its camera, arm and port."""
-    path = beside(recording, rig.RIG_FILE) if recording and recording.suffix == ".bag" else None
-    return rig.Rig.load(path) if path else None
 
 
 def no_images(stream: Stream, modality: str, settings) -> InputError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext
 
@@ -16,9 +17,9 @@ from ..recordings import devices
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
-from ..types import Estimate, InputError, Pose, Status
+from ..types import Estimate, InputError, Pose
 from .inputs import check_between, input_files, make_estimator, no_images, open_input
-from .progress import GREEN, RED, add_colour, summary
+from .progress import add_colour, status_colour, summary
 
 
 def live(a) -> None:
@@ -44,7 +45,7 @@ def live(a) -> None:
             raise no_images(stream, a.modality, estimator.settings)
         raise InputError("live: the camera sent no image; check its cable and its lens cap")
     rate = len(statuses) / (time.monotonic() - began)
-    print(f"lmmap: {summary(statuses)}; {rate:.1f} images/s, {skipped} skipped, "
+    print(f"lmmap: {summary(Counter(statuses))}; {rate:.1f} images/s, {skipped} skipped, "
           f"{np.median(late_ms):.0f} ms late", file=sys.stderr)  # fmt: skip
 
 
@@ -103,7 +104,7 @@ def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
         facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
                  "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
         return json.dumps(facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None})
-    status = add_colour(f"{e.status:10}", GREEN if e.status == Status.OK else RED)
+    status = add_colour(f"{e.status:10}", status_colour(e.status))
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 import warnings
@@ -10,6 +9,7 @@ from contextlib import suppress
 
 from ..files import InputError, tune_allocator
 from .arguments import parser
+from .plugins import call
 
 MAX_LETTERS = 2000  # of a message; ours have some hundred, beside the path
 
@@ -26,8 +26,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             _print_notes()
-            module, function = arguments.run.split(":")  # imported now: --help does not wait for torch
-            getattr(importlib.import_module(module), function)(arguments)
+            call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
     except InputError as error:
         print(f"lmmap: {_one_line(error)}", file=sys.stderr)
         return 1

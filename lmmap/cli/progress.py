@@ -10,6 +10,7 @@ from collections import Counter
 from tqdm import tqdm
 
 from ..recordings.stream import Stream
+from ..types import Estimate, Status
 
 GREEN, RED, PLAIN = "\033[32m", "\033[31m", "\033[0m"
 
@@ -21,7 +22,8 @@ def add_colour(text, colour: str, file=None) -> str:
 
 
 class Bar(tqdm):
-    """Progress in seconds of the recording, with images per second and detections.
+    """Progress in seconds of the recording, with its ``images`` so far and how many of them have a pose
+    (``poses``).
 
     It is shown on a terminal only.
     """
@@ -34,19 +36,25 @@ class Bar(tqdm):
         total = (span[1] - span[0]) * 1e-6 if span else None
         super().__init__(desc=modality, total=total, bar_format=form, disable=None)
         self._first_us, self._began = span[0] if span else None, time.monotonic()
+        self.images = self.poses = 0
 
-    def show(self, t_us: int, images: int, poses: int) -> None:
-        """Advance to the time of an image, of so many images and poses."""
-        self._first_us = t_us if self._first_us is None else self._first_us
-        rate = images / max(time.monotonic() - self._began, 1e-9)
-        self.set_postfix_str(f"{rate:.1f} images/s, {poses} of {images} with a pose", refresh=False)
-        seconds = (t_us - self._first_us) * 1e-6
+    def add(self, estimate: Estimate) -> None:
+        """Count an image, and advance to its time."""
+        self.images += 1
+        self.poses += estimate.T_cam_port is not None
+        self._first_us = estimate.t_us if self._first_us is None else self._first_us
+        rate = self.images / max(time.monotonic() - self._began, 1e-9)
+        text = f"{rate:.1f} images/s, {self.poses} of {self.images} with a pose"
+        self.set_postfix_str(text, refresh=False)
+        seconds = (estimate.t_us - self._first_us) * 1e-6
         self.update(max(0.0, (min(seconds, self.total) if self.total else seconds) - self.n))
 
 
-def summary(statuses: list[str]) -> str:
+def status_colour(status: str) -> str:
+    return GREEN if status == Status.OK else RED
+
+
+def summary(counts: Counter[str]) -> str:
     """The number of images, and of each status among them."""
-    counts = Counter(statuses)
-    return f"{len(statuses)} images; " + ", ".join(
-        add_colour(f"{n} {status}", GREEN if status == "ok" else RED) for status, n in sorted(counts.items())
-    )
+    each = (add_colour(f"{n} {status}", status_colour(status)) for status, n in sorted(counts.items()))
+    return f"{counts.total()} images; " + ", ".join(each)

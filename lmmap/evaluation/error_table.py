@@ -1,45 +1,22 @@
-"""Errors, detection rates and intervals of recordings, and the paper's Table I beside them."""
+"""Errors of a recording's estimates against its truth, one row each, and what is said of them in a line."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lmmap.geometry.port import in_view
-from lmmap.pipeline.run import true_poses
-from lmmap.recordings.pose_files import stack_poses
-from lmmap.settings import PAPER
-from lmmap.tracking.outliers import is_certain, outlier_filter, sigmas
-from lmmap.types import Estimate, Port, Pose, Recording
+from ..geometry.port import in_view
+from ..pipeline.run import true_poses
+from ..recordings.pose_files import stack_poses
+from ..settings import OURS, Settings
+from ..tracking.outliers import is_certain, outlier_filter, sigmas
+from ..types import Estimate, Port, Pose, Recording
+from .pose_errors import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
 
-from ..bench import labels, photometry, sequences
-from ..provenance import DATA
-from . import bootstrap
-from .metrics import (
-    normal_error_rad,
-    pose_difference,
-    position_error_m,
-    rotation_error_rad,
-)
-from .right_and_wrong import is_wrong
-
-LIGHTS, MODALITIES, DOMAIN_GAPS = ("low", "medium", "high"), ("rgb", "event"), ("low", "high")
-TRACKS = (*MODALITIES, "fused")  # the estimates that are judged
 METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
 PREDICTIONS = ["position_sigma_m", "normal_sigma_deg", "nees"]
-VARIANTS = {  # prefix of the errors' columns, column that selects poses, column of those that are kept
-    "exact": ("", None, "kept"),
-    "printed": ("paper_", None, "paper_kept"),
-    "certain": ("", "certain", "certain_kept"),
-}
-COMPARED = {"as printed": "as_printed", "printed": "printed", "exact": "ours", "certain": "certain",
-            "fused": "fused"}  # fmt: skip
-BLOCK_S = 5.0  # of the bootstrap: a quarter of the test motion's mean period, after which the view is another
 
 
 def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
@@ -67,23 +44,12 @@ def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.Da
     for column, variant in variants.items():
         table[column] = outlier_filter(variant, port.yaw_period_rad)
     for prefix, variant in (("", estimates), ("paper_", printed)):
-        table[[prefix + metric for metric in METRICS]] = _error_values(variant, truth, port)
+        table[[prefix + metric for metric in METRICS]] = error_values(variant, truth, port)
     table[PREDICTIONS] = _predictions(estimates, truth, port)
     return table
 
 
-def confidences(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
-    """``t_us`` and ``confidence`` of each image within the time of the truth, and whether its pose, reported
-    or doubtful, is ``right``: 1 or 0, NaN without a pose."""
-    estimates, truth = true_poses(recording, estimates)
-    every = [replace(e, T_cam_port=e.T_cam_port or e.doubtful) for e in estimates]
-    table = pd.DataFrame(_error_values(every, truth, port), columns=list(METRICS))
-    right = (~pd.Series(is_wrong(table))).where(table[METRICS[0]].notna()).astype(float)
-    return pd.DataFrame({"t_us": [e.t_us for e in estimates], "confidence": [e.confidence for e in estimates],
-                         "right": right})  # fmt: skip
-
-
-def _error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarray:
+def error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarray:
     """`METRICS` (N, 3) of estimates; rows without a pose are NaN."""
     values = np.full((len(estimates), len(METRICS)), np.nan)
     has_pose = np.array([e.T_cam_port is not None for e in estimates], bool)
@@ -109,65 +75,14 @@ def _predictions(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarr
     return values
 
 
-def summary(
-    tables: pd.DataFrame | Sequence[pd.DataFrame],
-    draws: int = 0,
-    seed: int = 0,
-    rate_hz: float = PAPER.rate_hz,
-    variants: Mapping[str, tuple] = VARIANTS,
-) -> pd.DataFrame:
-    """Median and RMSE of each error, detection rates and the share of wrong poses (`is_wrong`) among images
-    with the whole ring in view, by ``variants``, with and without outlier filter.
-
-    Parameters
-    ----------
-    tables
-        `errors` of one sequence, or of several that count as one.
-    draws
-        Draws of the bootstrap; with 0 the intervals are NaN.
-    rate_hz
-        The estimates' rate.
-
-    Returns
-    -------
-    DataFrame
-        ``outlier_filter, metric, variant, statistic, value``, and the 95 % interval's ends ``low, high``.
-    """
-    tables = [tables] if isinstance(tables, pd.DataFrame) else list(tables)
-    table = pd.concat(tables, ignore_index=True)
-    counts = bootstrap_counts([len(t) for t in tables], draws, seed, rate_hz)
-    each_once, rows = np.ones((1, len(table)), int), []
-
-    def row(name, statistic, function, *values):
-        value, samples = function(*values, each_once)[0], function(*values, counts)
-        rows.append((*name, statistic, value, *bootstrap.interval(samples)))
-
-    for (variant, (prefix, selection, kept)), filtered in product(variants.items(), ("without", "with")):
-        detected = table[prefix + METRICS[0]].notna() & (table[selection] if selection else True)
-        detected &= table[kept] if filtered == "with" else True
-        for metric in METRICS:
-            values = table[prefix + metric].where(detected)
-            row((filtered, metric, variant), "median", bootstrap.medians, values)
-            row((filtered, metric, variant), "rmse", bootstrap.root_mean_squares, values)
-        for statistic, images in (("all", table.in_view | True), ("in_fov", table.in_view)):
-            name = (filtered, "detection_rate_percent", variant)
-            row(name, statistic, _percents, detected, images)
-        wrong = detected & is_wrong(table, prefix)
-        row((filtered, "wrong_percent", variant), "in_fov", _percents, wrong, table.in_view)
-    return pd.DataFrame(
-        rows, columns=["outlier_filter", "metric", "variant", "statistic", "value", "low", "high"]
-    )
-
-
-def bootstrap_counts(
-    lengths: Sequence[int], draws: int, seed: int, rate_hz: float = PAPER.rate_hz
-) -> np.ndarray:
-    """`bootstrap.block_counts` with blocks of `BLOCK_S`, for sequences of ``lengths`` images at a rate."""
-    return bootstrap.block_counts(lengths, round(BLOCK_S * rate_hz), draws, np.random.default_rng(seed))
-
-
-def _percents(members, images, counts):
-    return 100 * bootstrap.shares(members, images, counts)
+def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -> np.ndarray:
+    """Which poses of `errors` are too far off to dock with, (N,); a missing pose is not wrong."""
+    limits = {
+        "position_error_m": settings.right_position_m,
+        "normal_error_deg": np.rad2deg(settings.right_normal_rad),
+        "rotation_error_deg": np.rad2deg(settings.right_rotation_rad),
+    }
+    return np.any([table[prefix + metric] > limit for metric, limit in limits.items()], axis=0)
 
 
 def report(table: pd.DataFrame) -> dict:
@@ -197,50 +112,3 @@ def detected_in_view_percent(table: pd.DataFrame) -> float:
 
 def _percent_true(flags: pd.Series) -> float:
     return 100 * flags.sum() / len(flags) if len(flags) else np.nan
-
-
-def saturation(recording: Recording, port: Port, rate_hz: float = PAPER.rate_hz) -> pd.DataFrame:
-    """Percent of the port's region of interest that is black and white, in frames at a rate.
-
-    Returns
-    -------
-    DataFrame
-        ``t_us, low, high``: the time, the share of black pixels, the share of white pixels.
-    """
-    rows, every = [], max(round(sequences.FRAME_HZ / rate_hz), 1)
-    times_us = recording.frames_t_us[::every]
-    frames = zip(times_us.tolist(), recording.truth.at(times_us), recording.frames[::every], strict=True)
-    for t_us, pose, frame in frames:
-        region = labels.label_masks(pose, port, recording.camera).any(0)
-        if region.any():
-            rows.append((t_us, *photometry.roi_saturation_percent(frame, region)))
-    return pd.DataFrame(rows, columns=["t_us", "low", "high"])
-
-
-def compare(folder: Path) -> pd.DataFrame:
-    """The paper's Table I and our ``summary.csv`` of a folder, cell by cell.
-
-    Returns
-    -------
-    DataFrame
-        A row per cell of the paper's table, and of the share of wrong poses, which the paper does not state.
-        ``table1``: the paper's value; ``as_printed``: that of its whole procedure on our bench; ``printed``:
-        that of its formula on our ellipses; ``ours``: that of the exact and refined pose; ``certain``: the
-        same where the covariance is small; ``fused``: that of both modalities together, equal for both.  All
-        but the first have their 95 % interval in columns with ``_low`` and ``_high`` appended.
-    """
-    cell = ["training", "outlier_filter", "metric", "statistic", "light"]
-    compared = pd.read_csv(DATA / "paper" / "table1.csv").rename(columns={"value": "table1"})
-    rates = compared[(compared.metric == "detection_rate_percent") & (compared.statistic == "in_fov")]
-    compared = pd.concat([compared, rates.assign(metric="wrong_percent", table1=np.nan)], ignore_index=True)
-    summaries = pd.read_csv(folder / "summary.csv")
-    if (folder / "ladder.csv").exists():
-        rungs = pd.read_csv(folder / "ladder.csv").rename(columns={"rung": "variant"})
-        summaries = pd.concat([summaries, rungs[rungs.variant == "as printed"]])
-    for variant, name in COMPARED.items():
-        ends = {"value": name, "low": f"{name}_low", "high": f"{name}_high"}
-        cells = summaries[summaries.variant == variant].rename(columns=ends)
-        how = "inner" if variant in ("printed", "exact") else "left"  # the others are not in every study
-        keys = cell if variant == "fused" else [*cell, "modality"]
-        compared = compared.merge(cells[[*keys, *ends.values()]], on=keys, how=how)
-    return compared

@@ -1,10 +1,20 @@
-"""What the subcommands take that train networks, repeat the studies and read the authors' recordings."""
+"""The words of the laboratory's subcommands: each function adds one, and is an entry point of its name."""
 
 from __future__ import annotations
 
-from lmmap.cli.choices import DOMAIN_GAPS, FILTERS, MODALITIES, PROFILES
+import os
+
+from lmmap.cli.choices import DOMAIN_GAPS, MODALITIES
 from lmmap.cli.commands import Commands
 
+# of modules that take seconds to import, while --help is to answer at once; tests compare them
+FILTERS, PROFILES = ("ring", "reflector"), ("quick", "paper")
+WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
+
+SIMULATE = """examples:
+  lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
+  lmmap simulate --sequence test-low test-high -o {}.bag
+"""
 DATASET = """examples:
   lmmap dataset                     what the data set is, and what each study needs of it
   lmmap dataset check recordings    which of its bags are in a folder, and whether they can be used
@@ -16,43 +26,64 @@ CALIBRATE = """examples:
 """
 
 
-def add_studies(commands: Commands) -> None:
-    command = commands.add(
-        "train", "lmmap_lab.cli.bench:train", "train the mask networks; an interrupted run goes on"
-    )
+def simulate(commands: Commands) -> None:
+    text = "record sequences of the bench, and their ground truth"
+    command = commands.add("simulate", "lmmap_lab.cli.bench:simulate", text, SIMULATE)
+    command.add_argument("--sequence", nargs="+", metavar="NAME", help="test-low, realistic-3, ...")
+    text = "write stand-ins for the authors' bags into this folder instead"
+    commands.add_file(command, "--as-published", metavar="FOLDER", help=text)
+    command.add_argument("--seconds", type=float, help="length of each sequence (default: the profile's)")
+    profile, text = os.environ.get("PROFILE", "quick"), "decides the default lengths"
+    command.add_argument("--profile", choices=PROFILES, default=profile, help=text)
+    commands.add_file(command, "--camera", help="calibration of another camera, distortion included")
+    command.add_argument("--jobs", type=int, default=1, help="how many sequences to simulate at once")
+    command.add_argument("--scheduler", metavar="ADDRESS", help="Dask cluster that does the work")
+    text = f"recording to write, ending in {', '.join(WRITTEN)}; {{}} stands for the sequence's name"
+    commands.add_output(command, text)
+
+
+def photometry(commands: Commands) -> None:
+    text = "calibrate exposure and lamps to the paper's saturation rows"
+    command = commands.add("photometry", "lmmap_lab.cli.bench:calibrate_lamps", text)
+    commands.add_output(command, "JSON file for the result and its provenance")
+
+
+def train(commands: Commands) -> None:
+    text = "train the mask networks; an interrupted run goes on"
+    command = commands.add("train", "lmmap_lab.cli.bench:train", text)
     command.add_argument("--filter", choices=FILTERS, help="which of the two (default: both)")
     command.add_argument("--modality", choices=MODALITIES, help="which images (default: both)")
     command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="training sequences (default: all)")
     command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
     command.add_argument("--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: none)")
-    command.add_argument(
-        "--restart", type=int, nargs="+", metavar="STEP", help="steps at which the learning rate starts again"
-    )
+    text = "steps at which the learning rate starts again"
+    command.add_argument("--restart", type=int, nargs="+", metavar="STEP", help=text)
     command.add_argument("--go-on", action="store_true", help="continue from weights that end at a restart")
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
-    command = commands.add(
-        "reproduce", "lmmap_lab.cli.bench:reproduce", "regenerate every result of the book"
-    )
-    command.add_argument(
-        "--profile", choices=PROFILES, default="quick", help="decides the sequences' lengths"
-    )
-    command.add_argument(
-        "--jobs", type=int, default=1, help="sequences at once; 12 GB each in the paper profile"
-    )
-    command.add_argument(
-        "--go-on", action="store_true", help="keep a sequence's packed results where they are still valid"
-    )
+
+def reproduce(commands: Commands) -> None:
+    text = "regenerate every result of the book"
+    command = commands.add("reproduce", "lmmap_lab.cli.bench:reproduce", text)
+    text = "decides the sequences' lengths"
+    command.add_argument("--profile", choices=PROFILES, default="quick", help=text)
+    text = "sequences at once; 12 GB each in the paper profile"
+    command.add_argument("--jobs", type=int, default=1, help=text)
+    text = "keep a sequence's packed results where they are still valid"
+    command.add_argument("--go-on", action="store_true", help=text)
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
-    command = commands.add(
-        "check", "lmmap_lab.cli.bench:check", "compare results and pages with the committed ones"
-    )
+
+def check(commands: Commands) -> None:
+    text = "compare results and pages with the committed ones"
+    command = commands.add("check", "lmmap_lab.cli.bench:check", text)
     command.add_argument("--update", action="store_true", help="make the present ones the reference")
 
-    odometry = commands.add("odometry", "", "exchange recordings and trajectories with other odometries")
-    actions = odometry.add_subparsers(required=True, metavar="ACTION")
+
+def odometry(commands: Commands) -> None:
+    group = commands.add("odometry", "", "exchange recordings and trajectories with other odometries")
+    actions = group.add_subparsers(required=True, metavar="ACTION")
     text = "write a ROS 1 bag, PNG images, event frames, the camera and the truth (TUM)"
     command = actions.add_parser("export", help=text, description=text)
     command.set_defaults(run="lmmap_lab.studies.odometry_files:export_command")
@@ -62,59 +93,41 @@ def add_studies(commands: Commands) -> None:
     text = "relative errors of a TUM trajectory, scale aligned on its first 40 poses"
     command = actions.add_parser("score", help=text, description=text)
     command.set_defaults(run="lmmap_lab.studies.odometry_files:score_command")
-    commands.add_file(
-        command, "trajectory", metavar=None, help="TUM file: t x y z qx qy qz qw, seconds and metres"
-    )
-    commands.add_file(
-        command,
-        "--reference",
-        required=True,
-        metavar="RECORDING",
-        help="recording with its truth beside it, or a trajectory (.csv, .tum, .txt)",
-    )
+    text = "TUM file: t x y z qx qy qz qw, seconds and metres"
+    commands.add_file(command, "trajectory", metavar=None, help=text)
+    text = "recording with its truth beside it, or a trajectory (.csv, .tum, .txt)"
+    commands.add_file(command, "--reference", required=True, metavar="RECORDING", help=text)
     command.add_argument("--json", action="store_true", help="print JSON")
 
 
-def add_authors(commands: Commands) -> None:
-    command = commands.add(
-        "dataset",
-        "lmmap_lab.cli.authors:dataset",
-        "the authors' published recordings: where, and what is here",
-        DATASET,
-    )
+def dataset(commands: Commands) -> None:
+    text = "the authors' published recordings: where, and what is here"
+    command = commands.add("dataset", "lmmap_lab.cli.authors:dataset", text, DATASET)
     command.add_argument("do", nargs="?", choices=("check",), help="default: say what the data set is")
     commands.add_file(command, "folder", nargs="?", metavar=None, help="folder of bags to check")
     command.add_argument("--json", action="store_true", help="print JSON")
+
+
+def calibrate(commands: Commands) -> None:
     text = "find the port on the arm, the ring's radius and the camera from bags as published"
     command = commands.add("calibrate", "lmmap_lab.cli.authors:calibrate", text, CALIBRATE)
-    commands.add_file(
-        command,
-        "bags",
-        nargs="+",
-        metavar="BAG",
-        help="bags to calibrate from; not one that you will test on",
-    )
+    text = "bags to calibrate from; not one that you will test on"
+    commands.add_file(command, "bags", nargs="+", metavar="BAG", help=text)
     command.add_argument("--modality", choices=MODALITIES, default="rgb", help="default: rgb")
-    command.add_argument(
-        "--rate", type=float, default=5.0, metavar="HZ", help="detections a second (default: 5)"
-    )
+    text = "detections a second (default: 5)"
+    command.add_argument("--rate", type=float, default=5.0, metavar="HZ", help=text)
     commands.add_file(command, "--camera", help="calibration (default: camera.json beside the bag)")
-    commands.add_file(
-        command, "--hand-eye", help="hand-eye calibration in YAML (default: sought beside the bag)"
-    )
-    command.add_argument(
-        "--free", action="store_true", help="estimate the camera's place too, whatever a file says"
-    )
+    text = "hand-eye calibration in YAML (default: sought beside the bag)"
+    commands.add_file(command, "--hand-eye", help=text)
+    text = "estimate the camera's place too, whatever a file says"
+    command.add_argument("--free", action="store_true", help=text)
     command.add_argument("--base", metavar="FRAME", help="the arm's base in /tf")
     command.add_argument("--effector", metavar="FRAME", help="the arm's other end in /tf")
-    command.add_argument(
-        "--on-arm", action="store_true", help="the camera rides on the arm, the port stands still"
-    )
-    command.add_argument(
-        "--board", metavar="CxR", help="inner corners of a checkerboard: calibrate the camera instead"
-    )
-    command.add_argument(
-        "--square", type=float, default=0.03, metavar="M", help="side of the board's squares"
-    )
+    text = "the camera rides on the arm, the port stands still"
+    command.add_argument("--on-arm", action="store_true", help=text)
+    text = "inner corners of a checkerboard: calibrate the camera instead"
+    command.add_argument("--board", metavar="CxR", help=text)
+    text = "side of the board's squares"
+    command.add_argument("--square", type=float, default=0.03, metavar="M", help=text)
     commands.add_output(command, "default: rig.json or camera.json, beside the first bag")
     command.add_argument("--json", action="store_true", help="print JSON")

@@ -11,20 +11,20 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from lmmap.cli.inputs import input_files
 from lmmap.files import CAMERA, atomic, check_output
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.rig import RIG_FILE
 from lmmap.types import Camera, InputError, Port
 
 from ..pages import beside_paper
 from ..provenance import DERIVED_DATA
 from ..rig import authors_bags, calibration, checkerboard, standin, tf
-from ..rig.rig import RIG_FILE, HandEyeFile, read_hand_eye
-from ..studies import bag_estimates, on_authors_bags, pose_errors
+from ..rig.hand_eye_file import HandEyeFile, read_hand_eye
+from ..studies import bag_estimates, on_authors_bags, table1
 from ..training.recipe import FAST, Recipe
 
 
@@ -73,7 +73,7 @@ def calibrate(a) -> None:
         return
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
-    output = check_output(a.output or a.bags[0].parent / RIG_FILE, input_files(a), overwrite=a.overwrite)
+    output = check_output(a.output or a.bags[0].parent / RIG_FILE, _inputs(a), overwrite=a.overwrite)
     hand_eye = _hand_eye(a)
     camera, port, detections = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []
     motions = [tf.arm_motion(path, *ends) for path in a.bags for ends in [_ends(a, path, hand_eye)]]
@@ -127,7 +127,7 @@ def calibrate_board(a) -> None:
         raise InputError(
             f"--board {a.board}: give its inner corners as COLUMNSxROWS, such as 8x5, at least 3 each way"
         )
-    output = check_output(a.output or a.bags[0].parent / CAMERA, input_files(a), overwrite=a.overwrite)
+    output = check_output(a.output or a.bags[0].parent / CAMERA, _inputs(a), overwrite=a.overwrite)
     stream = open_stream(a.bags[0], Camera.davis346() if a.camera is None else Camera.load(a.camera))
     frames = tqdm(stream.timed_frames(), "checkerboard", unit=" frames", disable=None)
     try:
@@ -138,6 +138,10 @@ def calibrate_board(a) -> None:
         camera.save(temporary)
     text = f"{facts['views']} views, {facts['rms_px']:.2f} px left; fx known to {facts['sigma_px'][0]:.1f} px"
     print(json.dumps(facts) if a.json else f"{output}: {text}")
+
+
+def _inputs(a) -> list[Path | None]:
+    return [*a.bags, a.camera, a.hand_eye]
 
 
 def _hand_eye(a) -> HandEyeFile | None:
@@ -170,7 +174,7 @@ def train(a) -> None:
 
     chosen = {"steps": a.steps or 2000, "start_from": a.start_from or "", "restart": a.restart or ()}
     chosen |= {} if a.start_from else {"rate": FAST}
-    gaps = [a.domain_gap] if a.domain_gap else pose_errors.DOMAIN_GAPS
+    gaps = [a.domain_gap] if a.domain_gap else table1.DOMAIN_GAPS
     names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
     for gap in gaps:
         pieces, folder = on_authors_bags.training_set(a.data, gap, lambda line: print(line, flush=True))

@@ -38,7 +38,7 @@ def paper_tables_made() -> str:
 def difference_counts(compared: pd.DataFrame):
     """In how many cells our result differs from the paper's, styled: a row per metric, columns by domain gap.
 
-    A cell of `pose_errors.compare` counts as alike where the paper's value lies in our 95 % interval, and
+    A cell of `table1.compare` counts as alike where the paper's value lies in our 95 % interval, and
     otherwise as better or worse.
     """
     compared = compared[compared.metric != "wrong_percent"]  # of which the paper says nothing
@@ -62,7 +62,7 @@ def detection_rates(answers: pd.DataFrame, compared: pd.DataFrame):
     Parameters
     ----------
     answers : `error_statistics.answers` by ``training``, ``light`` and ``modality``
-    compared : `pose_errors.compare`
+    compared : `table1.compare`
     """
     rows = {"table1": "a pose, paper", "ours": "a pose, ours", "ellipse": "an ellipse, ours"}
     cell = ["training", "light", "modality"]

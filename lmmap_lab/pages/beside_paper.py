@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..provenance import load_json
-from ..studies import pose_errors
+from ..studies import table1
 from .tables import accuracy_table
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
@@ -22,11 +22,9 @@ def side_by_side(out: Path, bench: Path) -> pd.DataFrame:
     ----------
     out, bench : folders with the results on recordings and on the bench
     """
-    table = (
-        pose_errors.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
-    )
+    table = table1.compare(out).rename(columns={"ours": f"recordings: {out.name}"}).drop(columns="printed")
     if (bench / "summary.csv").exists():
-        ours = pose_errors.compare(bench)[[*KEYS, "ours"]].rename(columns={"ours": "bench"})
+        ours = table1.compare(bench)[[*KEYS, "ours"]].rename(columns={"ours": "bench"})
         table = table.merge(ours, on=KEYS, how="left")
     else:
         table["bench"] = float("nan")
@@ -41,7 +39,7 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
             results[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
     if (out / "summary.csv").exists():
         whole = pd.read_csv(out / "summary.csv").query("statistic != 'rmse'")
-        other = whole[~whole.light.isin(pose_errors.LIGHTS)]
+        other = whole[~whole.light.isin(table1.LIGHTS)]
         if len(other):
             results[f"lights that are not the paper's ({mark})"] = _short(other)
         cells = side_by_side(out, bench).query("outlier_filter == 'without' and statistic != 'rmse'")

@@ -9,13 +9,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation.error_table import METRICS, errors, is_wrong
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
+from lmmap.settings import MODALITIES
 from lmmap.types import Estimate, Port
 
-from ..studies.pose_errors import METRICS, MODALITIES, errors
 from ..studies.reliability import share_intervals
-from ..studies.right_and_wrong import is_wrong
 from .drawings import COLOUR
 from .gallery import paintings
 from .tables import CAMERAS, LIGHTS

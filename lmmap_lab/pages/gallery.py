@@ -10,12 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
 from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Estimate, Port, Recording
 
-from ..studies.metrics import position_error_m, rotation_error_rad
 from . import drawings
 from .tables import ANSWERS, CAMERAS
 
@@ -33,7 +33,7 @@ def worst(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> 
     Returns
     -------
     DataFrame
-        ``sequence, modality, label, t_us`` and the columns of `pose_errors.errors`, worst first.
+        ``sequence, modality, label, t_us`` and the columns of `error_table.errors`, worst first.
     """
     return _in_view(folder, labels).dropna(subset="position_error_m").nlargest(count, "position_error_m")
 

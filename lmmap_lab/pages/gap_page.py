@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from ..studies.pose_errors import LIGHTS
+from ..studies.table1 import LIGHTS
 from .drawings import COLOUR, draw_intervals
 from .tables import CAMERAS
 from .tables import LIGHTS as TITLES
@@ -26,7 +26,7 @@ def draw_gap(high: pd.DataFrame, low: pd.DataFrame):
     Parameters
     ----------
     high, low
-        Rows of `pose_errors.compare` of a domain gap and of one choice of outlier filter.
+        Rows of `table1.compare` of a domain gap and of one choice of outlier filter.
     """
     fig, axes = plt.subplots(len(PANELS), 2, figsize=(7.5, 4.8), sharex=True)
     for row, (metric, statistic, scale, label) in enumerate(PANELS):

@@ -15,6 +15,7 @@ import numpy as np
 
 from lmmap.drawing.overlay import draw
 from lmmap.drawing.video import Video
+from lmmap.evaluation.pose_errors import position_error_m
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
@@ -23,7 +24,6 @@ from lmmap.settings import PAPER
 from lmmap.types import InputError, Recording
 
 from ..provenance import DERIVED_DATA, ROOT
-from ..studies.metrics import position_error_m
 from . import drawings
 from .tables import CAMERAS, LIGHTS
 

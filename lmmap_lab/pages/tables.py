@@ -31,7 +31,7 @@ ANSWERS = {"ok": "a pose", "no_ring": "no ring", "no_ellipse": "no ellipse", "no
 
 def accuracy_table(compared: pd.DataFrame, statistics: Sequence[str] = STATISTICS,
                    estimators: Mapping[str, str] = ESTIMATORS) -> pd.DataFrame:  # fmt: skip
-    """Rows of `pose_errors.compare` in words: a value, and in brackets its 95 % interval if it has one.
+    """Rows of `table1.compare` in words: a value, and in brackets its 95 % interval if it has one.
 
     Parameters
     ----------

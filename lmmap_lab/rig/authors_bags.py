@@ -15,7 +15,8 @@ from lmmap.recordings.bags import IMAGES
 from lmmap.recordings.rosbag import open_bag
 from lmmap.types import InputError
 
-from . import rig, tf
+from . import tf
+from .hand_eye_file import read_hand_eye
 
 HANDLE = "https://hdl.handle.net/2123/33938"
 EVENTS, FRAMES, TF, STATES = "/dvs/events", "/dvs/image_raw", "/tf", "/joint_states"
@@ -140,5 +141,5 @@ def _require_contents(bag: AuthorsBag, facts: dict, hand_eye: Path | None) -> No
         raise InputError(f"{bag.path}: no messages of {', '.join(missing)} among its topics ({topics}); "
                          "download it again")  # fmt: skip
     if bag.role not in ("empty", "calibration"):
-        ends = rig.read_hand_eye(hand_eye).ends if hand_eye else tf.arm_ends(bag.path)
+        ends = read_hand_eye(hand_eye).ends if hand_eye else tf.arm_ends(bag.path)
         tf.arm_motion(bag.path, *ends, tf.GLANCE_S)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmmap.geometry.rotations import rotation_angle_rad
+from lmmap.recordings.rig import Rig
 from lmmap.types import Estimate, InputError, Port, Pose
 
 from . import hand_eye
-from .rig import Rig
 from .ur5e import ArmMotion, ArmSamples
 
 DIFFERS_M, DIFFERS_RAD = (

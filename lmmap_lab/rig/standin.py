@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from lmmap.files import atomic
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
+from lmmap.recordings.rig import Rig
 from lmmap.types import (
     EVENT,
     Camera,
@@ -31,7 +32,6 @@ from lmmap.types import (
 from ..bench import rosbag_writer, sequences
 from ..bench.laboratory import sequence, sequence_motion
 from . import authors_bags, tf, ur5e
-from .rig import Rig
 from .ur5e import ArmMotion
 
 ARM_HZ = 125  # rate of the arm's driver

@@ -10,28 +10,29 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
+from lmmap.evaluation import error_table
 from lmmap.files import has_mark, tune_allocator, write_text
 from lmmap.pipeline.network import best_precision
 from lmmap.pipeline.run import merge_by_time
 from lmmap.pipeline.weights import shipped_gaps
 from lmmap.recordings.pose_files import write_estimates
-from lmmap.settings import OURS, PAPER
+from lmmap.settings import MODALITIES, OURS, PAPER
 from lmmap.tracking.fusion import fuse
 from lmmap.types import Port
 
 from ..bench import laboratory, sequences
 from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
 from ..training.mask_quality import filter_quality
-from . import accuracy_tables, pose_errors
+from . import accuracy_tables, reliability, table1
 from .accuracy_tables import DRAWS, SEED, label
 from .archive import mark_of, pack, unpack
 from .claims import claims
-from .pose_errors import BLOCK_S, DOMAIN_GAPS, LIGHTS, MODALITIES, TRACKS
 from .sequence_files import bench_recording, kept_estimates
+from .table1 import BLOCK_S, DOMAIN_GAPS, LIGHTS, TRACKS
 
 RESULT_SOURCES = (
     *source_files("lmmap_lab.bench.sequences", "lmmap.pipeline.run", "lmmap.recordings.pose_files",
-             "lmmap.tracking.fusion", "lmmap_lab.training.mask_quality", "lmmap_lab.studies.pose_errors",
+             "lmmap.tracking.fusion", "lmmap_lab.training.mask_quality", "lmmap_lab.studies.reliability",
              "lmmap_lab.studies.ladder"),
     "data/weights/*", "environment.txt",
 )  # fmt: skip
@@ -175,13 +176,13 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
         for modality, estimates in tracks.items():
             medians = {}
             if recording.truth is not None:
-                table = pose_errors.errors(recording, estimates, port)
+                table = error_table.errors(recording, estimates, port)
                 path = folder / f"errors-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, table, **facts))
-                medians = table[list(pose_errors.METRICS)].median()
+                medians = table[list(error_table.METRICS)].median()
             if kind == "test" and gap == OURS.weights:
                 path = folder / f"confidence-{label(name, modality, gap)}.csv"
-                files.append(save_table(path, pose_errors.confidences(recording, estimates, port), **facts))
+                files.append(save_table(path, reliability.confidences(recording, estimates, port), **facts))
             counts.append({
                 "sequence": name, "weights": gap, "modality": modality, "images": len(estimates),
                 "ellipses": sum(e.ellipse is not None for e in estimates),
@@ -196,7 +197,7 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
     else:  # the page on hard cases draws these few
         files += [folder / f"estimates-{label(name, m, 'low')}.csv" for m in TRACKS]
     if recording.truth is not None:
-        shares_percent = pose_errors.saturation(recording, port)
+        shares_percent = table1.saturation(recording, port)
         files.append(save_table(folder / f"saturation-{name}.csv", shares_percent, **facts))
         values = shares_percent[["low", "high"]].mean().to_dict()
         files.append(save_json(folder / f"saturation-{name}.json", values, **facts))
@@ -217,5 +218,5 @@ def _tabulate(profile: str, study: Study) -> None:
         for name, table in tables.items():
             save_table(target / f"{name}.csv", table, **facts)
         judged = (tables[name] for name in ("counts", "saturation", "filters"))
-        rows = claims(pose_errors.compare(target), *judged)
+        rows = claims(table1.compare(target), *judged)
         save_table(target / "claims.csv", rows, **facts)

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from lmmap.settings import OURS
+from lmmap.evaluation import error_table
+from lmmap.settings import MODALITIES, OURS
 
 from ..training.mask_quality import medians
-from . import error_statistics, ladder, pose_errors, reliability
-from .pose_errors import DOMAIN_GAPS, MODALITIES, TRACKS
+from . import error_statistics, ladder, reliability, table1
 from .right_and_wrong import by_limit, right_and_wrong
+from .table1 import DOMAIN_GAPS, TRACKS
 
 DRAWS, SEED = 1000, 0  # of the bootstrap
 
@@ -66,7 +67,7 @@ def default_networks(
     for (light, names), track in product(tests.items(), TRACKS):
         errors = _errors(folder, names, track, OURS.weights)
         answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
-        medians = pd.concat(errors)[list(pose_errors.METRICS)].median()
+        medians = pd.concat(errors)[list(error_table.METRICS)].median()
         inside = error_statistics.coverage(errors, draws, SEED)["inside_95_percent"]
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
     empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
@@ -96,7 +97,7 @@ def _errors(folder: Path, names: list[str], track: str, weights: str) -> list[pd
 def _error_tables(folder: Path, names: list[str], light: str, gap: str, draws: int) -> dict:
     """Tables of one light and domain gap: cells with intervals, and what `error_statistics` has."""
     errors = {m: _errors(folder, names, m, gap) for m in TRACKS}
-    cells = {m: pose_errors.summary(errors[m], draws, SEED) for m in TRACKS}
+    cells = {m: table1.summary(errors[m], draws, SEED) for m in TRACKS}
     cells["fused"] = cells["fused"].query("variant == 'exact'").assign(variant="fused")
     by_modality = {
         "summary": cells,

@@ -15,17 +15,17 @@ from itertools import islice, product
 
 import pandas as pd
 
+from lmmap.evaluation import error_table
+from lmmap.evaluation.error_table import is_wrong
 from lmmap.pipeline.printed import Assumptions, PrintedEstimator
 from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
-from lmmap.settings import PAPER
+from lmmap.settings import MODALITIES, PAPER
 from lmmap.types import Estimate, Port, Recording
 
 from ..provenance import DATA, DERIVED_DATA, save_table
-from . import pose_errors
 from .ladder import Remembered
-from .pose_errors import LIGHTS, MODALITIES
-from .right_and_wrong import is_wrong
+from .table1 import LIGHTS
 
 COMMITTED = DATA / "results" / "assumptions.csv"
 EVERY = 4  # of the images at the paper's rate: neighbours show nearly the same
@@ -61,7 +61,7 @@ def effects(errors: Sequence[pd.DataFrame]) -> pd.DataFrame:
     Parameters
     ----------
     errors
-        `pose_errors.errors` of all images, by each of `variants`.
+        `error_table.errors` of all images, by each of `variants`.
     """
     rows = []
     for (name, change, assumed), table in zip(variants(), errors, strict=True):
@@ -81,7 +81,7 @@ def main() -> None:
     for light, modality in product(LIGHTS, MODALITIES):
         recording = open_recording(DERIVED_DATA / "quick" / f"test-{light}.h5")
         for table, answers in zip(tables, zip(*estimates(recording, modality), strict=True), strict=True):
-            table.append(pose_errors.errors(recording, list(answers), Port.lm_map()))
+            table.append(error_table.errors(recording, list(answers), Port.lm_map()))
     table = effects([pd.concat(parts) for parts in tables])
     print(table.to_string())
     save_table(COMMITTED, table, profile="quick", every=EVERY)

@@ -13,13 +13,14 @@ from lmmap.pipeline.run import estimate_images, timed_images
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
+from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.recordings.stream import Stream
 from lmmap.types import Estimate, InputError, Port
 
 from ..provenance import fingerprint
 from ..rig import authors_bags, calibration, tf
 from ..rig.authors_bags import AuthorsBag
-from ..rig.rig import RIG_FILE, Rig, read_hand_eye
+from ..rig.hand_eye_file import read_hand_eye
 
 CALIBRATION_BAGS = 4
 CALIBRATED_ON = 1000  # detections, spread over the bags; of short bags every frame

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import window_histograms, windows_at
@@ -28,7 +29,6 @@ from lmmap.types import Estimate, Port, Recording
 from ..bench import sequences
 from ..bench.writers import write_recording
 from ..provenance import DATA, DERIVED_DATA, save_table
-from .metrics import normal_error_rad, pose_difference, position_error_m
 
 RATE_HZ, LATENCY_S = 20.0, 0.05  # of an estimator that takes 50 ms an image
 SECONDS = {"1.5": 4.0, "30": 2.0, "150": 2.0}  # of a recording, by the mean speed in mm/s

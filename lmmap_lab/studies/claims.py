@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .claims_of_limits import claims_of_limits
-from .pose_errors import LIGHTS
+from .table1 import LIGHTS
 from .verdicts import (
     COLUMNS,
     ESTIMATORS,
@@ -38,7 +38,7 @@ def claims(
 
     Parameters
     ----------
-    table : `pose_errors.compare`
+    table : `table1.compare`
     counts : ``images, ellipses, poses`` by ``sequence`` and ``modality``
     saturation : percent of black (``low``) and white (``high``) pixels, and ``rank_correlation`` of their sum
         with the error, by ``light``

@@ -1,7 +1,7 @@
-"""Statistics of many images' errors besides the medians of `pose_errors.summary`.
+"""Statistics of many images' errors besides the medians of `table1.summary`.
 
 They say how errors are distributed, whether covariances hold what they predict, and whether fusion helps.
-``tables`` are always `pose_errors.errors` of sequences that count as one.
+``tables`` are always `error_table.errors` of sequences that count as one.
 """
 
 from __future__ import annotations
@@ -12,8 +12,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from lmmap.evaluation.error_table import METRICS, detected_in_view_percent
+from lmmap.settings import MODALITIES
+
 from . import bootstrap
-from .pose_errors import METRICS, MODALITIES, bootstrap_counts, detected_in_view_percent
+from .table1 import bootstrap_counts
 
 WRONG_DEG = {"normal_error_deg": 5.0, "rotation_error_deg": 20.0}  # another ellipse; gaps taken for markers
 

@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation import error_table
+from lmmap.evaluation.error_table import METRICS
 from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
@@ -19,8 +21,7 @@ from lmmap.pipeline.ring import find_ring
 from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.types import Estimate, Port, Pose, Recording, Status
 
-from . import pose_errors
-from .pose_errors import METRICS
+from . import table1
 
 MEASURED = {  # each rung keeps what the one before it changed
     "as printed": "the paper's text and nothing else",
@@ -111,7 +112,7 @@ class Ladder:
 
 def errors(recording: Recording, rungs: Sequence[dict[str, Estimate]], port: Port) -> pd.DataFrame:
     """`COLUMNS` of every image on every measured rung."""
-    tables = {name: pose_errors.errors(recording, [r[name] for r in rungs], port) for name in MEASURED}
+    tables = {name: error_table.errors(recording, [r[name] for r in rungs], port) for name in MEASURED}
     return pd.concat(table.assign(rung=name) for name, table in tables.items())[COLUMNS]
 
 
@@ -122,19 +123,19 @@ def summary(
     draws: int,
     seed: int,
 ) -> pd.DataFrame:
-    """`pose_errors.summary` of every rung, the variant replaced by ``rung``.
+    """`table1.summary` of every rung, the variant replaced by ``rung``.
 
     Parameters
     ----------
     measured
         `errors` of sequences that count as one.
     confident, fused
-        `pose_errors.errors` of our estimates and of the fused track on the same sequences.
+        `error_table.errors` of our estimates and of the fused track on the same sequences.
     """
     rungs = {name: [table[table.rung == name] for table in measured] for name in MEASURED}
     rungs |= {"confident": confident, "fused": fused}
     parts = [
-        pose_errors.summary(tables, draws, seed, variants=ALL_POSES).assign(rung=name)
+        table1.summary(tables, draws, seed, variants=ALL_POSES).assign(rung=name)
         for name, tables in rungs.items()
     ]
     return pd.concat(parts).drop(columns="variant")

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.run import estimate_images, timed_images
@@ -28,8 +29,7 @@ from lmmap.types import AnyRecording, Port, Recording
 from ..bench import sequences
 from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA, save_table
-from .pose_errors import errors
-from .right_and_wrong import is_wrong, shares
+from .right_and_wrong import shares
 
 COMMITTED = DATA / "results" / "slow-motion.csv"
 SHOT_HZ = (0.0, 0.1, 0.2, SensorSettings().shot_hz, 1.0, 2.0, 4.0, 8.0)

@@ -14,15 +14,15 @@ import pandas as pd
 
 from lmmap.geometry.rotations import equal_turns, rotation_angle_rad, rotation_z
 from lmmap.recordings.pose_files import read_trajectory, trajectory_of
+from lmmap.settings import MODALITIES
 from lmmap.tracking.outliers import outlier_filter
 from lmmap.types import Estimate, InputError, Port, Pose, Trajectory
 
 from ..provenance import DATA
-from .metrics import relative_errors
+from .trajectory_errors import relative_errors
 
 FOLDER = DATA / "results" / "odometry"
 SEQUENCES = ("test-high", "realistic-5")  # high light: the unseen test, and one of training
-MODALITIES = ("rgb", "event")
 METHODS = ("lmmap", "ORB-SLAM3", "SVO")
 FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)  # of the length of the camera's path
 ALIGNED_POSES = 40  # the paper's: the first of a track fix its scale

@@ -11,19 +11,22 @@ from pathlib import Path
 
 import pandas as pd
 
+from lmmap.evaluation import error_table
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.rig import Rig
 from lmmap.recordings.stream import Stream
+from lmmap.settings import MODALITIES
 from lmmap.types import Estimate, InputError, Port
 
 from ..provenance import DERIVED_DATA, save_json, save_table
 from ..rig import authors_bags
 from ..rig.authors_bags import AuthorsBag
-from ..rig.rig import Rig
+from ..rig.truth import true_trajectory
 from ..training import dataset
-from . import odometry, pose_errors
+from . import odometry, table1
 from .bag_estimates import bag_label, detect, folder_rig, resumable_file
 
 RATE_HZ = 10.0
@@ -84,9 +87,9 @@ def _studies(
     """Estimate one bag with each camera and add its results to the tables."""
     stream = open_stream(bag.path)
     if bag.role != "empty":
-        stream = replace(stream, truth=rig.truth(bag.path))
-    for gap in pose_errors.DOMAIN_GAPS if bag.role == "test" else pose_errors.DOMAIN_GAPS[:1]:
-        for modality in pose_errors.MODALITIES:
+        stream = replace(stream, truth=true_trajectory(bag.path, rig))
+    for gap in table1.DOMAIN_GAPS if bag.role == "test" else table1.DOMAIN_GAPS[:1]:
+        for modality in MODALITIES:
             estimates = _estimates(stream, label, port, modality, gap, out, report)
             _study(bag, stream, estimates, port, modality, gap, tables)
 
@@ -120,7 +123,7 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
     rig = folder_rig(Path(folder), out, roles, report)
     names = []
     for bag in chosen:
-        stream = replace(open_stream(bag.path), truth=rig.truth(bag.path))
+        stream = replace(open_stream(bag.path), truth=true_trajectory(bag.path, rig))
         names += dataset.make_recording_samples(
             stream, bag_label(Path(folder), bag), out / "training", rig.port, report
         )
@@ -158,7 +161,7 @@ def _study(bag: AuthorsBag, stream: Stream, estimates: list[Estimate], port: Por
     if bag.role == "empty":
         tables["false"].append(row | {"poses": poses, "ellipses": rings})
         return
-    errors = pose_errors.errors(stream, estimates, port)
+    errors = error_table.errors(stream, estimates, port)
     if bag.role == "hard":
         share = 100 / max(len(estimates), 1)
         medians = {name: errors[name].median() for name in ("position_error_m", "normal_error_deg")}
@@ -176,8 +179,8 @@ def _study(bag: AuthorsBag, stream: Stream, estimates: list[Estimate], port: Por
 
 
 def _summary(errors: list[pd.DataFrame]) -> pd.DataFrame:
-    """`pose_errors.summary` for each light, modality and set of filters, all bags of it together."""
+    """`table1.summary` for each light, modality and set of filters, all bags of it together."""
     keys, none = ["light", "modality", "training"], pd.DataFrame()
     cells = pd.concat(errors).groupby(keys) if errors else ()
-    return pd.concat([none, *(pose_errors.summary(cell).assign(**dict(zip(keys, names, strict=True)))
+    return pd.concat([none, *(table1.summary(cell).assign(**dict(zip(keys, names, strict=True)))
                               for names, cell in cells)])  # fmt: skip

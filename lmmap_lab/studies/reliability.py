@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
-from .right_and_wrong import is_wrong
+from lmmap.evaluation.error_table import METRICS, error_values, is_wrong
+from lmmap.pipeline.run import true_poses
+from lmmap.types import Estimate, Port, Recording
 
 BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])  # most poses are in the last
 SURE = 0.95  # a pose with more is hardly ever wrong
+
+
+def confidences(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
+    """``t_us`` and ``confidence`` of each image within the time of the truth, and whether its pose, reported
+    or doubtful, is ``right``: 1 or 0, NaN without a pose."""
+    estimates, truth = true_poses(recording, estimates)
+    every = [replace(e, T_cam_port=e.T_cam_port or e.doubtful) for e in estimates]
+    table = pd.DataFrame(error_values(every, truth, port), columns=list(METRICS))
+    right = (~pd.Series(is_wrong(table))).where(table[METRICS[0]].notna()).astype(float)
+    return pd.DataFrame({"t_us": [e.t_us for e in estimates], "confidence": [e.confidence for e in estimates],
+                         "right": right})  # fmt: skip
 
 
 def reliability(confidence: np.ndarray, right: np.ndarray) -> pd.DataFrame:
@@ -69,9 +83,9 @@ def of_sequences(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFr
     Parameters
     ----------
     errors
-        `pose_errors.errors` of each sequence.
+        `error_table.errors` of each sequence.
     confidences
-        `pose_errors.confidences` of each.
+        `confidences` of each.
 
     Returns
     -------

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation.error_table import is_wrong
 from lmmap.settings import OURS, Settings
 
 LIMITS = (0.0, *np.arange(0.5, 0.96, 0.05).round(2))  # on the confidence
@@ -22,7 +23,7 @@ def right_and_wrong(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -
     Parameters
     ----------
     tables
-        `pose_errors.errors` of sequences.
+        `error_table.errors` of sequences.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def by_limit(tables: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]
     Parameters
     ----------
     tables, confidences
-        `pose_errors.errors` and `pose_errors.confidences` of sequences.
+        `error_table.errors` and `reliability.confidences` of sequences.
 
     Returns
     -------
@@ -71,13 +72,3 @@ def shares(has_pose: np.ndarray, wrong: np.ndarray) -> dict[str, float]:
         "none_percent": 100 * (~has_pose).mean(),
         "images": len(has_pose),
     }
-
-
-def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -> np.ndarray:
-    """Which poses of `pose_errors.errors` are too far off to dock with, (N,); a missing pose is not wrong."""
-    limits = {
-        "position_error_m": settings.right_position_m,
-        "normal_error_deg": np.rad2deg(settings.right_normal_rad),
-        "rotation_error_deg": np.rad2deg(settings.right_rotation_rad),
-    }
-    return np.any([table[prefix + metric] > limit for metric, limit in limits.items()], axis=0)

@@ -21,7 +21,7 @@ from ..provenance import fingerprint, save_table, source_files
 from ..training.dataset import BENCH
 from . import ladder
 from .accuracy_tables import label
-from .pose_errors import DOMAIN_GAPS
+from .table1 import DOMAIN_GAPS
 
 ESTIMATE_SOURCES = source_files("lmmap.pipeline.run", "lmmap.recordings.pose_files")
 LADDER_SOURCES = source_files("lmmap_lab.studies.ladder")

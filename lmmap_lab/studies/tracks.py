@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation import error_table
+from lmmap.evaluation.error_table import is_wrong
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.settings import OURS, PAPER, Settings
@@ -15,26 +17,25 @@ from lmmap.tracking.recorded import track_images
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import AnyRecording, Estimate, Status
 
-from . import pose_errors
-from .right_and_wrong import is_wrong, shares
+from .right_and_wrong import shares
 
 
 def errors_frame_by_frame(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
                    ) -> pd.DataFrame:  # fmt: skip
-    """`pose_errors.errors` of a recording's images, each estimated alone."""
+    """`error_table.errors` of a recording's images, each estimated alone."""
     images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
-    return pose_errors.errors(recording, [estimate_image(estimator, i)[1] for i in images], estimator.port)
+    return error_table.errors(recording, [estimate_image(estimator, i)[1] for i in images], estimator.port)
 
 
 def errors_tracked(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
             ) -> pd.DataFrame:  # fmt: skip
-    """`pose_errors.errors` of a recording's images tracked.
+    """`error_table.errors` of a recording's images tracked.
 
     Those answers count that an image supports; predictions are no poses here.
     """
     images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     estimates = [_without_prediction(e) for _, e in track_images(images, Tracker(estimator))]
-    return pose_errors.errors(recording, estimates, estimator.port)
+    return error_table.errors(recording, estimates, estimator.port)
 
 
 def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str, float]:
@@ -43,7 +44,7 @@ def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str
     Parameters
     ----------
     tables
-        `pose_errors.errors` of sequences.
+        `error_table.errors` of sequences.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Errors of poses, and the relative error of trajectories."""
+"""The relative error of trajectories, which needs no common frame."""
 
 from __future__ import annotations
 
@@ -6,40 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from lmmap.geometry.rotations import (
-    angle_between_rad,
-    equal_turns,
-    rotation_angle_rad,
-    rotation_between_rad,
-)
+from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.types import Pose, Trajectory
-
-
-def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:
-    """Distance between positions, shape (...)."""
-    return np.linalg.norm(estimate.position_m - truth.position_m, axis=-1)
-
-
-def normal_error_rad(estimate: Pose, truth: Pose) -> np.ndarray:
-    """Angle between normals, shape (...)."""
-    return angle_between_rad(estimate.normal, truth.normal)
-
-
-def rotation_error_rad(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:
-    """Angle between orientations, the smallest over the port's symmetry, shape (...)."""
-    return rotation_between_rad(estimate.rotation, truth.rotation, yaw_period_rad)
-
-
-def pose_difference(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:
-    """From estimates to true poses, modulo the port's symmetry, (N, 6): position in m, and the rotation in
-    rad that is to be put on the left of the estimate's, along the camera's axes."""
-    back = np.swapaxes(estimate.rotation, -1, -2)
-    left = truth.rotation[:, None] @ equal_turns(yaw_period_rad) @ back[:, None]
-    nearest = np.argmin(rotation_angle_rad(left), 1)
-    rotation = Rotation.from_matrix(left[np.arange(len(left)), nearest]).as_rotvec()
-    return np.concatenate([truth.position_m - estimate.position_m, rotation.reshape(-1, 3)], -1)
 
 
 def umeyama(source, target) -> tuple[float, np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import pytest
 from lmmap.settings import OURS
 from lmmap.types import Pose
 from lmmap_lab.provenance import DATA, ROOT
-from lmmap_lab.studies.pose_errors import LIGHTS
+from lmmap_lab.studies.table1 import LIGHTS
 
 
 def test_five_lines_of_python(monkeypatch, capsys):

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lmmap.settings import MODALITIES
 from lmmap_lab.pages import gap_page
-from lmmap_lab.studies.pose_errors import LIGHTS, MODALITIES
+from lmmap_lab.studies.table1 import LIGHTS
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from lmmap_lab.pages import accuracy_page, waterfall
 from lmmap_lab.studies.ladder import RUNGS
-from lmmap_lab.studies.pose_errors import LIGHTS
+from lmmap_lab.studies.table1 import LIGHTS
 
 METRICS = {"normal_error_deg": "median", "position_error_m": "median", "wrong_percent": "in_fov",
            "detection_rate_percent": "in_fov"}  # fmt: skip

@@ -13,12 +13,13 @@ from lmmap import open_recording
 from lmmap.cli import main
 from lmmap.files import CAMERA
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.types import Camera, InputError, Trajectory
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import authors_bags, calibration, checkerboard, standin
-from lmmap_lab.rig.rig import RIG_FILE, Rig
+from lmmap_lab.rig.truth import true_trajectory
 from lmmap_lab.studies import on_authors_bags
 
 MINI = DATA / "mini" / "test-low.aedat4"
@@ -81,7 +82,7 @@ def test_every_stand_in_has_a_name_as_the_authors_give():
 def test_the_truth_of_a_stand_in_is_the_benchs(folder):
     bag, recording = folder / "dataset_0307_notexture" / "dark__test.bag", brief()
     stream = open_stream(bag)
-    truth = standin.RIG.truth(bag).at(recording.truth.t_us + standin.START_US)
+    truth = true_trajectory(bag, standin.RIG).at(recording.truth.t_us + standin.START_US)
     np.testing.assert_allclose(truth.position_m, recording.truth.poses.position_m, atol=1e-9)
     np.testing.assert_allclose(truth.rotation, recording.truth.poses.rotation, atol=1e-9)
     again = stream.collect()

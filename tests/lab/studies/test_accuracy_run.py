@@ -22,7 +22,7 @@ from lmmap.types import (
 from lmmap_lab import provenance
 from lmmap_lab.studies import accuracy_run, ladder, sequence_files
 from lmmap_lab.studies.archive import pack, unpack
-from lmmap_lab.studies.pose_errors import compare
+from lmmap_lab.studies.table1 import compare
 
 T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
 OFF = [Pose(T.rotation, T.position_m + np.array([1e-3 * k, 0, 0])) for k in range(3)]

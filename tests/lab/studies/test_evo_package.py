@@ -8,7 +8,7 @@ from evo.core.trajectory import PoseTrajectory3D
 from scipy.spatial.transform import Rotation
 
 from lmmap.types import Pose, Trajectory
-from lmmap_lab.studies.metrics import relative_errors
+from lmmap_lab.studies.trajectory_errors import relative_errors
 
 LENGTHS_M = (0.1, 0.3, 1.0)
 

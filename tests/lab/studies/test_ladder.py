@@ -5,13 +5,13 @@ import pytest
 from strategies import CAMERA, PORT, pose
 
 from lmmap import Estimator, PrintedEstimator
+from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.crops import crop_bounds
 from lmmap.pipeline.run import TimedImage
 from lmmap.pipeline.weights import load_networks
 from lmmap.types import Pose, Recording, Status, Trajectory
 from lmmap_lab.studies import ladder
-from lmmap_lab.studies.metrics import normal_error_rad
 
 T = pose((190, 120), 0.5, np.deg2rad(35), 0.6, 0.4)
 IMAGE = np.zeros((260, 346, 3), np.uint8)

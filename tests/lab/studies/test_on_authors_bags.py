@@ -11,11 +11,11 @@ from test_authors_bags import brief, run
 
 from lmmap.files import CAMERA
 from lmmap.pipeline.weights import weight_path
+from lmmap.recordings.rig import RIG_FILE
 from lmmap.recordings.stream import Source, Stream
 from lmmap.types import Camera, Port
 from lmmap_lab import provenance
 from lmmap_lab.rig import authors_bags, standin
-from lmmap_lab.rig.rig import RIG_FILE
 from lmmap_lab.studies import on_authors_bags
 from lmmap_lab.training import dataset
 
@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
-    monkeypatch.setattr(on_authors_bags.pose_errors, "DOMAIN_GAPS", ("low",))
+    monkeypatch.setattr(on_authors_bags.table1, "DOMAIN_GAPS", ("low",))
     code, out, err = run(capsys, "reproduce", "--data", folder)
     assert code == 0, err
     assert "left out: holiday.bag: cannot read this bag" in out
@@ -72,7 +72,7 @@ def test_nothing_to_test_on_is_one_line(folder, capsys):
 @pytest.mark.parametrize("seed", range(4))
 def test_damaged_bags_make_no_noise(folder, capfd, monkeypatch, command, seed):
     """The second is the only bag of its kind: at most a note and an error, nothing of the libraries'."""
-    monkeypatch.setattr(on_authors_bags.pose_errors, "DOMAIN_GAPS", ("low",))
+    monkeypatch.setattr(on_authors_bags.table1, "DOMAIN_GAPS", ("low",))
     rng, bags = np.random.default_rng(seed), folder / "dataset_0307_notexture"
     for name in ("light__hard", "mixed__test"):
         (bags / f"{name}.bag").unlink()

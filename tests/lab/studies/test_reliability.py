@@ -1,11 +1,16 @@
 """A confidence is a probability if of the poses with 0.8 eight in ten are right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from test_error_table import answer, recording  # noqa: F401
 
+from lmmap.types import Port, Status
 from lmmap_lab.studies.reliability import (
     calibration_error,
+    confidences,
     error_by_chance,
     of_sequences,
     pooled,
@@ -79,3 +84,14 @@ def test_an_interval_holds_its_share_and_shrinks_with_the_poses():
     few, many = share_intervals(table), share_intervals(table.assign(poses=400))
     assert np.all((few[:, 0] <= table.right) & (table.right <= few[:, 1]))
     assert np.all(many[:, 1] - many[:, 0] < (few[:, 1] - few[:, 0]) / 4)
+
+
+def test_doubtful_poses_are_right_or_wrong_as_reported_ones_are(recording):  # noqa: F811
+    reported = [replace(answer(recording, t_us, shift_m), confidence=0.9)
+                for t_us, shift_m in ((100_000, 0.0), (200_000, 0.1))]  # fmt: skip
+    doubtful = [replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port) for e in reported]
+    without = answer(recording, 300_000, status=Status.NO_RING)
+    for estimates in (reported, doubtful):
+        table = confidences(recording, [*estimates, without], Port.lm_map())
+        assert table.right.tolist()[:2] == [1, 0] and np.isnan(table.right[2])
+        assert table.confidence.tolist() == [0.9, 0.9, 0]

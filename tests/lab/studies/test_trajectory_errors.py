@@ -2,52 +2,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import PORT, rigid_poses, rotations, seeds
+from strategies import rigid_poses, rotations, seeds
 
 from lmmap.geometry.rotations import rotation_z
 from lmmap.types import Pose, Trajectory
-from lmmap_lab.studies import metrics
-
-PERIOD = PORT.yaw_period_rad
-
-
-@given(rigid_poses(), rotations(), st.tuples(*[st.floats(-1, 1)] * 3))
-def test_errors_do_not_depend_on_the_camera_frame(T, R, shift):
-    other = Pose(T.rotation @ rotation_z(0.3), T.position_m + shift)
-    world = Pose(R, [1, 2, 3])
-    for error in (metrics.position_error_m, metrics.normal_error_rad):
-        np.testing.assert_allclose(error(world @ T, world @ other), error(T, other), atol=1e-7)
-    before = metrics.rotation_error_rad(T, other, PERIOD)
-    np.testing.assert_allclose(
-        metrics.rotation_error_rad(world @ T, world @ other, PERIOD), before, atol=1e-7
-    )
-
-
-@given(rigid_poses(), rotations())
-def test_the_rotation_error_is_no_smaller_than_the_normals(T, R):
-    other = Pose(R, T.position_m)
-    normal, rotation = metrics.normal_error_rad(T, other), metrics.rotation_error_rad(T, other, PERIOD)
-    assert rotation >= normal - 1e-7
-
-
-def test_errors_of_a_known_pose():
-    truth = Pose(np.eye(3), [0, 0, 1])
-    tilt = np.array([[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]])
-    estimate = Pose(tilt, [0.3, 0, 1.4])
-    assert metrics.position_error_m(estimate, truth) == pytest.approx(0.5)
-    assert metrics.normal_error_rad(estimate, truth) == pytest.approx(np.arcsin(0.6))
-    assert metrics.rotation_error_rad(estimate, truth, PERIOD) == pytest.approx(np.arcsin(0.6))
-    yawed = Pose(rotation_z(np.deg2rad(110)), [0, 0, 1])
-    assert metrics.normal_error_rad(yawed, truth) == pytest.approx(0)
-    assert np.rad2deg(metrics.rotation_error_rad(yawed, truth, PERIOD)) == pytest.approx(10)
-    assert np.rad2deg(metrics.rotation_error_rad(yawed, truth, 2 * np.pi)) == pytest.approx(110)
+from lmmap_lab.studies.trajectory_errors import associate, relative_errors, umeyama
 
 
 @given(seeds(), rotations(), st.floats(0.1, 10))
 def test_umeyama_finds_the_similarity(seed, R, scale):
     rng = np.random.default_rng(seed)
     points, shift = rng.normal(size=(10, 3)), rng.normal(size=3)
-    s, R_found, t = metrics.umeyama(points, scale * points @ R.T + shift)
+    s, R_found, t = umeyama(points, scale * points @ R.T + shift)
     assert s == pytest.approx(scale)
     np.testing.assert_allclose(R_found, R, atol=1e-9)
     np.testing.assert_allclose(t, shift, atol=1e-8)
@@ -56,23 +22,23 @@ def test_umeyama_finds_the_similarity(seed, R, scale):
 @given(seeds())
 def test_umeyama_never_mirrors(seed):
     points = np.random.default_rng(seed).normal(size=(10, 3))
-    R = metrics.umeyama(points, points * [1, 1, -1])[1]
+    R = umeyama(points, points * [1, 1, -1])[1]
     assert np.linalg.det(R) == pytest.approx(1)
 
 
 def test_umeyama_refuses_points_on_a_line():
     line = np.outer(np.arange(5.0), [1, 2, 3])
     with pytest.raises(ValueError, match="line"):
-        metrics.umeyama(line, line)
+        umeyama(line, line)
     with pytest.raises(ValueError, match="expected equal shapes"):
-        metrics.umeyama(line, line[:3])
+        umeyama(line, line[:3])
 
 
 def test_times_are_associated_one_to_one():
-    i, j = metrics.associate([0, 9, 100, 500], [10, 108, 300], 20)
+    i, j = associate([0, 9, 100, 500], [10, 108, 300], 20)
     assert i.tolist() == [1, 2]  # 0 is near 10 too, but 9 is nearer
     assert j.tolist() == [0, 1]
-    assert all(a.size == 0 for a in metrics.associate([], [1], 20))
+    assert all(a.size == 0 for a in associate([], [1], 20))
 
 
 def trajectory(positions, rotation=None, t_us=None):
@@ -90,9 +56,7 @@ def test_relative_errors_of_a_drift_by_hand():
     # along a straight line in steps of 0.1 m, the estimate adds 0.01 m sideways each step
     straight = np.column_stack([np.arange(11) * 0.1, np.zeros(11), np.zeros(11)])
     drifting = straight + np.column_stack([np.zeros(11), np.arange(11) * 0.01, np.zeros(11)])
-    short, long = metrics.relative_errors(
-        trajectory(drifting), trajectory(straight), [0.2, 0.5], align_scale=False
-    )
+    short, long = relative_errors(trajectory(drifting), trajectory(straight), [0.2, 0.5], align_scale=False)
     np.testing.assert_allclose(short.translation_m, np.full(9, 0.02))
     np.testing.assert_allclose(long.translation_m, np.full(6, 0.05))
     np.testing.assert_allclose(long.rotation_rad, 0, atol=1e-9)
@@ -102,9 +66,7 @@ def test_relative_errors_of_a_drift_by_hand():
 def test_a_turn_between_two_poses_is_a_rotation_error():
     straight = np.column_stack([np.arange(3) * 0.1, np.zeros(3), np.zeros(3)])
     turning = rotation_z(np.array([0.0, 0.0, 0.1]))
-    (error,) = metrics.relative_errors(
-        trajectory(straight, turning), trajectory(straight), [0.1], align_scale=False
-    )
+    (error,) = relative_errors(trajectory(straight, turning), trajectory(straight), [0.1], align_scale=False)
     np.testing.assert_allclose(error.rotation_rad, [0, 0.1], atol=1e-9)
     np.testing.assert_allclose(error.translation_m, 0, atol=1e-12)
 
@@ -113,27 +75,27 @@ def test_a_turn_between_two_poses_is_a_rotation_error():
 def test_relative_errors_ignore_a_similarity(world, scale):
     moved = Pose(np.broadcast_to(world.rotation, (20, 3, 3)), scale * (world @ ZIGZAG))
     estimate = Trajectory(np.arange(20) * 100_000, moved.inverse)
-    for error in metrics.relative_errors(estimate, trajectory(ZIGZAG), [0.3, 1.0]):
+    for error in relative_errors(estimate, trajectory(ZIGZAG), [0.3, 1.0]):
         assert len(error.translation_m) > 5
         np.testing.assert_allclose(error.translation_m, 0, atol=1e-9)
         np.testing.assert_allclose(error.rotation_rad, 0, atol=1e-6)
 
 
 def test_lengths_longer_than_the_path_have_no_errors():
-    (error,) = metrics.relative_errors(trajectory(ZIGZAG), trajectory(ZIGZAG), [50.0])
+    (error,) = relative_errors(trajectory(ZIGZAG), trajectory(ZIGZAG), [50.0])
     assert error.translation_m.shape == (0,)
 
 
 def test_stretches_across_a_gap_count_only_near_their_length():
     # a jump of 1 m: no pose is within 20 % of 0.5 m from those before it
     positions = np.array([[0, 0, 0], [0.1, 0.01, 0], [1.1, 0, 0.0]])
-    (error,) = metrics.relative_errors(trajectory(positions), trajectory(positions), [0.5], align_scale=False)
+    (error,) = relative_errors(trajectory(positions), trajectory(positions), [0.5], align_scale=False)
     assert error.translation_m.shape == (0,)
 
 
 def test_relative_errors_need_matching_times_and_positive_lengths():
     late = trajectory(ZIGZAG, t_us=np.arange(20) * 100_000 + 50_000)
     with pytest.raises(ValueError, match="at least 2 poses"):
-        metrics.relative_errors(late, trajectory(ZIGZAG), [0.2])
+        relative_errors(late, trajectory(ZIGZAG), [0.2])
     with pytest.raises(ValueError, match="lengths_m: expected positive"):
-        metrics.relative_errors(trajectory(ZIGZAG), trajectory(ZIGZAG), [0.0])
+        relative_errors(trajectory(ZIGZAG), trajectory(ZIGZAG), [0.0])

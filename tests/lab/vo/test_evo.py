@@ -16,7 +16,7 @@ from vo.evo.stopwatch import Stopwatch
 
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.types import Camera, Pose
-from lmmap_lab.studies.metrics import umeyama
+from lmmap_lab.studies.trajectory_errors import umeyama
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5)
 CONSTANTS = Constants()

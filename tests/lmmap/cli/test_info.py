@@ -11,8 +11,8 @@ from test_bad_input import write_camera
 from test_format_table import short
 
 from lmmap.cli import main
+from lmmap.recordings.rig import Rig
 from lmmap.types import Pose
-from lmmap_lab.rig.rig import Rig
 
 
 @pytest.fixture

@@ -4,10 +4,10 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import CAMERA, ellipses, pose, visible_poses
 
+from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry import conics, rotations
 from lmmap.pipeline import circle
 from lmmap.types import Camera, Ellipse, Pose
-from lmmap_lab.studies.metrics import normal_error_rad
 
 NU = 0.08
 both = pytest.mark.parametrize("solve", [circle.poses, circle.paper_poses], ids=["exact", "paper"])

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import CAMERA, PORT, WIDE, pose, visible_poses
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project, undistort_points
@@ -23,7 +24,6 @@ from lmmap.pipeline.rescale import (
 )
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Camera, Status
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
 FISHEYE = Camera(640, 480, 260.0, 260.0, 319.5, 239.5, (0.01, -0.02, 0.003, 0.0), "equidistant")
 cameras = st.builds(

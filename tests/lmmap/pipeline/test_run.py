@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import in_view
 from lmmap.geometry.projection import project
@@ -27,7 +28,6 @@ from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS, PAPER, PerCamera
 from lmmap.types import Estimate, InputError, Port, Pose, Status
 from lmmap_lab.provenance import DATA
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
 
 @pytest.fixture(scope="module")
