@@ -6,7 +6,6 @@ import importlib
 import os
 import sys
 from contextlib import suppress
-from pathlib import Path
 
 from ..files import InputError
 
@@ -24,16 +23,19 @@ def entry_points(group: str) -> dict[str, str]:
     Their files are read here: to import `importlib.metadata` takes as long as all the rest of ``--help``.
     """
     found = {}
-    for folder in map(Path, filter(os.path.isdir, sys.path)):
+    for folder in filter(os.path.isdir, sys.path):
         for name in sorted(n for n in os.listdir(folder) if n.endswith(".dist-info")):
-            with suppress(OSError, UnicodeDecodeError):  # most packages have none
-                found = _entries((folder / name / "entry_points.txt").read_text("utf-8"), group) | found
+            with (
+                suppress(OSError, UnicodeDecodeError),
+                open(f"{folder}/{name}/entry_points.txt", "rb") as file,
+            ):
+                found = _entries(file.read().decode(), group) | found  # of two installations the first counts
     return dict(sorted(found.items()))
 
 
 def _entries(text: str, group: str) -> dict[str, str]:
-    _, _, section = f"\n{text}".partition(f"\n[{group}]\n")
-    lines = (line.partition("=") for line in section.partition("\n[")[0].splitlines() if "=" in line)
+    section = f"\n{text}".partition(f"\n[{group}]\n")[2].partition("\n[")[0]
+    lines = (line.partition("=") for line in section.splitlines() if "=" in line)
     return {name.strip(): value.strip() for name, _, value in lines}
 
 

@@ -31,16 +31,20 @@ class Cell(NamedTuple):
 
 
 def median(values: np.ndarray) -> float:
-    return float(np.median(known)) if len(known := values[np.isfinite(values)]) else np.nan
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
 
 
 def root_mean_square(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(known**2))) if len(known := values[np.isfinite(values)]) else np.nan
+    known = values[np.isfinite(values)]
+    each_once = np.ones(len(known))  # adds up as the bootstrap does, to the last digit
+    return float(np.sqrt(each_once @ known**2 / len(known))) if len(known) else np.nan
 
 
 def percent(flags: np.ndarray) -> float:
     """How many of the flags (N,), 1, 0 or NaN, are set, in percent of those that count."""
-    return float(100 * np.mean(known)) if len(known := flags[np.isfinite(flags)]) else np.nan
+    known = flags[np.isfinite(flags)]
+    return float(100 * np.mean(known)) if len(known) else np.nan
 
 
 def cells(table: pd.DataFrame, variants: Mapping[str, tuple] = VARIANTS) -> Iterator[Cell]:
