@@ -3,14 +3,18 @@
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import sysconfig
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-from lmmap_lab.provenance import DATA, ROOT
+from lmmap.shipped import DATA, ROOT
 
 FIVE_LINES = """
 import lmmap
@@ -18,6 +22,18 @@ recording = lmmap.open_recording({path!r})
 estimator = lmmap.Estimator(recording.camera, modality="rgb")
 estimate = estimator(recording.frames[0], recording.frames_t_us[0])
 print(lmmap.__file__, estimate.status, *estimate.T_cam_port.position_m.round(2))
+"""
+
+
+NO_OTHERS = """
+import sys
+
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {names!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Refuse())
 """
 
 
@@ -35,23 +51,37 @@ def site(tmp_path_factory):
 
 def _copy(target: Path) -> Path:
     """The tracked files that a wheel is made of; a build writes beside its sources."""
-    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "lmmap", "data/weights", "data/paper",
-                             "data/photometry.json", "pyproject.toml", "README.md", "LICENSE"],
-                            check=True, capture_output=True, text=True).stdout.splitlines()  # fmt: skip
-    for name in listed:
+    made_of = ["lmmap", "lmmap_lab", "data/weights", "data/paper", "data/photometry.json", "pyproject.toml",
+               "README.md", "LICENSE"]  # fmt: skip
+    listed = subprocess.run(
+        ["git", "-C", ROOT, "ls-files", *made_of], check=True, capture_output=True, text=True
+    )
+    for name in listed.stdout.splitlines():
         path = target / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes((ROOT / name).read_bytes())
     return target
 
 
-def python(site: Path, cwd: Path, code: str) -> str:
-    """What code prints in an interpreter that knows the wheel and its dependencies, and no checkout."""
+def run(site: Path, cwd: Path, code: str) -> subprocess.CompletedProcess:
+    """Code in an interpreter that knows the wheel and its dependencies, and no checkout."""
     paths = os.pathsep.join([str(site), sysconfig.get_path("purelib")])
     environment = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}
     base = Path(sys.base_prefix) / "bin" / f"python{sys.version_info.major}.{sys.version_info.minor}"
-    return subprocess.run([base, "-c", code], cwd=cwd, env=environment, check=True, capture_output=True,
-                          text=True).stdout  # fmt: skip
+    return subprocess.run([base, "-c", code], cwd=cwd, env=environment, capture_output=True, text=True)
+
+
+def python(site: Path, cwd: Path, code: str) -> str:
+    """What code prints in such an interpreter."""
+    done = run(site, cwd, code)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def lmmap(site: Path, cwd: Path, *argv) -> subprocess.CompletedProcess:
+    """The ``lmmap`` command in such an interpreter."""
+    code = f"import sys; from lmmap.cli.main import main; sys.exit(main({[str(a) for a in argv]!r}))"
+    return run(site, cwd, code)
 
 
 def files(folder: Path) -> set[Path]:
@@ -64,9 +94,16 @@ def test_five_lines_give_a_pose(site, tmp_path):
     assert 0.3 < float(printed[-1]) < 1.5
 
 
-def test_every_wing_is_in_the_wheel(site):
-    wings = {path.parent.name for path in (ROOT / "lmmap").glob("*/__init__.py")}
-    assert wings == {path.parent.name for path in (site / "lmmap").glob("*/__init__.py")}
+@pytest.mark.parametrize("house", ["lmmap", "lmmap_lab"])
+def test_every_module_is_in_the_wheel(site, house):
+    modules = {path.relative_to(ROOT) for path in (ROOT / house).rglob("*.py")}
+    assert len(modules) > 50 and modules == {path.relative_to(site) for path in (site / house).rglob("*.py")}
+
+
+def test_the_two_packages_share_one_folder_of_data(site):
+    assert {path.parent.name for path in site.rglob("data") if path.is_dir()} == {"lmmap"}
+    code = "from lmmap_lab.provenance import DATA; print((DATA / 'paper' / 'table1.csv').exists())"
+    assert python(site, site, code).strip() == "True"
 
 
 def test_importing_is_immediate_and_writes_nothing(site, tmp_path):
@@ -103,3 +140,59 @@ def test_the_wheel_declares_what_it_needs(site):
     (metadata,) = site.glob("lmmap-*.dist-info/METADATA")
     needs = [line for line in metadata.read_text().splitlines() if line.startswith("Requires-Dist")]
     assert any("torch" in line for line in needs) and (site / "lmmap" / "py.typed").exists()
+
+
+@pytest.fixture(scope="module")
+def thin(site, tmp_path_factory):
+    """The wheel without the laboratory, where its own dependencies are and no other package."""
+    folder = tmp_path_factory.mktemp("thin") / "site"
+    shutil.copytree(site, folder, ignore=shutil.ignore_patterns("lmmap_lab"))
+    needed = _closure(metadata.PathDistribution(next(folder.glob("lmmap-*.dist-info"))).requires)
+    owners = metadata.packages_distributions().items()
+    refused = {name for name, owned in owners if needed.isdisjoint(map(canonicalize_name, owned))} - {"lmmap"}
+    assert {"joblib", "matplotlib", "IPython"} <= refused and not {"numpy", "torch", "pandas"} & refused
+    (folder / "sitecustomize.py").write_text(NO_OTHERS.format(names=refused))
+    return folder
+
+
+def _closure(requirements: list[str]) -> set[str]:
+    """Names of the packages that are needed, and of those that they need."""
+    needed, waiting = set(), [Requirement(text) for text in requirements]
+    while waiting:
+        requirement = waiting.pop()
+        name = canonicalize_name(requirement.name)
+        applies = not requirement.marker or requirement.marker.evaluate({"extra": ""})
+        if applies and name not in needed:
+            needed.add(name)
+            waiting += map(Requirement, metadata.requires(name) or ())
+    return needed
+
+
+def test_the_thin_part_alone_gives_a_pose(thin, tmp_path):
+    mini = DATA / "mini" / "test-low.aedat4"
+    printed = python(thin, tmp_path, FIVE_LINES.format(path=str(mini))).split()
+    assert Path(printed[0]).is_relative_to(thin) and printed[1] == "ok"
+    done = lmmap(thin, tmp_path, "estimate", mini, "--modality", "rgb", "--rate", "5", "-o", "poses.csv")
+    assert done.returncode == 0 and not done.stderr and " ok" in done.stdout
+    assert (tmp_path / "poses.csv").read_text().count(",ok,") > 3
+
+
+def test_without_the_laboratory_its_commands_say_what_to_install(thin, site, tmp_path):
+    shown = lmmap(thin, tmp_path, "--help")
+    assert shown.returncode == 0 and re.search(
+        r"^  simulate +needs pip install 'lmmap\[lab\]'$", shown.stdout, re.M
+    )
+    done = lmmap(thin, tmp_path, "simulate", "--sequence", "test-low", "-o", "demo.aedat4")
+    line = "lmmap: simulate: needs lmmap_lab, which is not installed; pip install 'lmmap[lab]'\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", line)
+
+
+def test_without_its_packages_a_command_of_the_laboratory_says_what_to_install(site, thin, tmp_path):
+    """As ``pip install lmmap`` leaves it: the module is there, joblib is not."""
+    whole = tmp_path / "site"
+    shutil.copytree(site, whole)
+    shutil.copy(thin / "sitecustomize.py", whole)
+    assert "record sequences of the bench" in lmmap(whole, tmp_path, "--help").stdout
+    done = lmmap(whole, tmp_path, "simulate", "--sequence", "test-low", "-o", "demo.aedat4")
+    line = "lmmap: simulate: needs joblib, which is not installed; pip install 'lmmap[lab]'\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", line)

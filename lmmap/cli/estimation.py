@@ -7,7 +7,7 @@ import heapq
 import json
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
 
@@ -42,7 +42,7 @@ def estimate(a) -> None:
         resumed = len(journal.statuses)
         for view in views:
             files.enter_context(view)
-        answers = _answers(a, stream, estimators, journal, files)
+        answers = files.enter_context(closing(_answers(a, stream, estimators, journal, files)))
         try:
             with Bar(stream, a.modality) as bar:
                 for image, e in answers:

@@ -17,8 +17,8 @@ from library_files import write_recording
 from lmmap.cli import main
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.recordings.formats import READERS, open_recording
+from lmmap.shipped import DATA, ROOT
 from lmmap.types import EVENT, Camera, Recording
-from lmmap_lab.provenance import DATA, ROOT
 
 MINI = DATA / "mini" / "test-low.aedat4"
 BEFORE = "what was there before\n"
@@ -144,13 +144,6 @@ def test_settings_that_are_none(refused):
     assert "video" in refused(MINI, "--video", "film.gif")
 
 
-def test_only_the_paper_profile_is_packed(capsys):
-    for asked in (["--profile", "quick"], ["--profile", "paper", "--data", "bags"]):
-        assert main.main(["reproduce", "--go-on", *asked]) == 1
-        out, err = capsys.readouterr()
-        assert out == "" and re.fullmatch("lmmap: --go-on: .+; .+\n", err)
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
 def test_disk_full(refused):
     assert "No space left" in refused(MINI, "--rate", "5", output="/dev/full")
@@ -227,7 +220,7 @@ def test_nothing_in_the_module_can_unpickle():
         r"pickle(?!=False)|\bshelve\b|\bmarshal\b|torch\.load|joblib\.load|unsafe_load|yaml\.load\(|\beval\(|\bexec\("
     )
     net_eval = re.compile(r"\.eval\(\)|def eval\(")  # a network's mode; the name of Mitsuba's method
-    for path in [*(ROOT / "lmmap").rglob("*.py"), *(ROOT / "benchmarks").glob("*.py")]:
+    for path in (p for folder in ("lmmap", "lmmap_lab", "benchmarks") for p in (ROOT / folder).rglob("*.py")):
         lines = path.read_text().splitlines()
         matches = [line for line in lines if word.search(net_eval.sub("", line))]
         assert not matches, f"{path.name}: {matches}"

@@ -15,8 +15,8 @@ from rosbags.rosbag2 import StoragePlugin
 from lmmap.cli import main
 from lmmap.drawing import overlay
 from lmmap.recordings.formats import READERS, open_recording
+from lmmap.shipped import DATA
 from lmmap.types import Recording
-from lmmap_lab.provenance import DATA
 
 MINI = DATA / "mini" / "test-low.aedat4"
 
@@ -190,12 +190,13 @@ def test_an_interrupted_drawing_goes_on(tmp_path, capsys, monkeypatch):
     assert main.main(["estimate", str(MINI), *images, "-o", str(poses)]) == 0
     command = ["draw", str(MINI), str(poses), *images, "-o", str(video)]
 
-    def stop(self, t_us, drawn, poses):
-        if drawn == 3:
+    def stop(self, estimate):
+        self.images += 1
+        if self.images == 3:
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("lmmap.cli.drawing.Bar.show", stop)
+        patched.setattr("lmmap.cli.drawing.Bar.add", stop)
         assert main.main(command) == 130
     assert "o.mp4.parts keeps what was drawn, --resume goes on" in capsys.readouterr().err
     assert main.main(command) == 1

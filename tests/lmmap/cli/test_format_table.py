@@ -1,6 +1,6 @@
 """The book's table of formats is what the commands do with a small file of each.
 
-    python tests/cli/test_format_table.py
+    python tests/lmmap/cli/test_format_table.py
 
 writes data/results/formats.csv anew.
 """
@@ -19,8 +19,8 @@ import test_every_format as every
 from lmmap.cli import main
 from lmmap.recordings.formats import FORMATS, open_recording
 from lmmap.recordings.pose_files import write_trajectory
+from lmmap.shipped import DATA
 from lmmap.types import Recording
-from lmmap_lab.provenance import DATA
 
 TABLE = DATA / "results" / "formats.csv"
 MEANS = {True: "yes", False: "no"}

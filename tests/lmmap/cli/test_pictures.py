@@ -5,7 +5,7 @@ from PIL import Image
 
 from lmmap.cli.main import main
 from lmmap.recordings.formats import open_recording
-from lmmap_lab.provenance import DATA
+from lmmap.shipped import DATA
 
 
 def test_a_folder_of_pictures_is_drawn_and_told(tmp_path, capsys):

@@ -11,8 +11,8 @@ from rosbags.rosbag2 import StoragePlugin
 from lmmap.cli import main
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, read_trajectory, write_trajectory
+from lmmap.shipped import ROOT
 from lmmap.types import Recording, Status
-from lmmap_lab.provenance import ROOT
 
 PAGE = (ROOT / "book" / "quickstart.md").read_text()
 SECTIONS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))

@@ -1,0 +1,156 @@
+"""The laboratory's commands lose nothing: inputs never change, and damaged files get short answers."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from functools import partial
+
+import attack_recordings as attacks
+import attack_sound
+import numpy as np
+import pytest
+import torch
+from attack_sound import CAMERA
+from test_accuracy_run import made_up
+from test_train import toy  # noqa: F401
+
+from lmmap.cli import main
+from lmmap.cli.arguments import parser
+from lmmap.types import InputError
+from lmmap_lab.bench import photometry
+from lmmap_lab.bench.writers import write_recording
+from lmmap_lab.cli import bench
+from lmmap_lab.provenance import DATA, ROOT
+from lmmap_lab.studies import accuracy_run
+from lmmap_lab.studies.bag_estimates import resumable_file
+from lmmap_lab.training import train
+
+MINI = DATA / "mini" / "test-low.aedat4"
+NOTES = "notes that nobody has a copy of\nand a second line"
+
+
+@pytest.fixture
+def lmmap(capsys):
+    """Run a command; its exit code and what it printed."""
+
+    def run(*argv):
+        code = main.main([str(a) for a in argv])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+def suite(*arguments) -> subprocess.CompletedProcess:
+    """The attack suite in a process of its own: it forks, and this process has threads."""
+    script = ROOT / "benchmarks" / "attack_recordings.py"
+    command = [sys.executable, script, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=400)
+
+
+def test_commands_change_no_file_that_they_were_not_told_to_write(tmp_path):
+    """Every command on sound files: hashes of all inputs before and after."""
+    done = suite("--sound-in", tmp_path)
+    assert done.returncode == 0 and not done.stderr, done.stdout + done.stderr
+    (commands,) = (a.choices for a in parser()._subparsers._group_actions)
+    assert set(done.stdout.splitlines()[-1].split()) | {*STUDIES} == {*commands}
+
+
+STUDIES = {
+    "simulate": (
+        "--sequence",
+        "realistic-7",
+        "--seconds",
+        "0.2",
+        "--camera",
+        "{}/camera.json",
+        "-o",
+        "{}/s.h5",
+    ),
+    "photometry": ("-o", "{}/lamps.json"),
+    "train": ("--filter", "ring", "--modality", "event", "--domain-gap", "low", "--steps", "1"),
+    "reproduce": ("--profile", "quick"),
+    "check": (),
+    "completion": ("bash",),
+}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_studies_change_no_file_that_they_were_not_told_to_write(name, tmp_path, monkeypatch, lmmap, request):
+    """On toy training sets and made-up estimates: hashes of the whole project before and after."""
+    CAMERA.save(tmp_path / "camera.json")
+    monkeypatch.setattr(bench, "DERIVED_DATA", tmp_path)
+    monkeypatch.setattr(photometry, "calibrate_lamps", lambda _: {"gain": 1.0})
+    if name == "reproduce":
+        study = partial(accuracy_run.reproduce, study=made_up(tmp_path))
+        monkeypatch.setattr(accuracy_run, "reproduce", study)
+    if name == "train":
+        samples = request.getfixturevalue("toy").glob("augmented-*")
+        (tmp_path / "training").mkdir()
+        for folder in samples:
+            folder.rename(tmp_path / "training" / folder.name)
+        blank = torch.zeros(1, 1, 32, 32)
+        monkeypatch.setattr(train, "make_batch", lambda *_: (blank, blank))
+    files = subprocess.run(["git", "ls-files", "-z"], capture_output=True, cwd=ROOT, text=True).stdout
+    files = [ROOT / name for name in files.split("\0") if name and (ROOT / name).is_file()]
+    before, inputs = hashes(files), attacks.digests(tmp_path)
+    code, _, err = lmmap(name, *(a.format(tmp_path) for a in STUDIES[name]))
+    assert code == 0 or (name == "check" and len(err.splitlines()) == 1), err
+    assert hashes(files) == before
+    assert inputs.items() <= attacks.digests(tmp_path).items()
+
+
+def hashes(files) -> list[str]:
+    return [hashlib.sha256(path.read_bytes()).hexdigest() for path in files]
+
+
+def test_estimates_of_a_bag_replace_no_other_file(tmp_path):
+    """``lmmap calibrate`` keeps them beside its output, under a name that somebody may have used."""
+    path = tmp_path / "rig.normal__train-rgb.csv"
+    path.write_text(NOTES)
+    with pytest.raises(InputError, match="not ours to replace"):
+        resumable_file(path, MINI, 5.0)
+    assert path.read_text() == NOTES
+
+
+def test_damaged_and_hostile_files_get_short_answers():
+    """Sixty cases of the attack suite, mutations only: directed ones have tests of their own."""
+    done = suite(60, 1, "--mutations-only")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads(done.stdout.splitlines()[-1])["violations"] == 0
+
+
+LIMITED = """
+import resource, sys
+from lmmap.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
+sys.exit(main.main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("name", ["r.h5", "r.bag"])
+def test_a_full_disk_leaves_the_old_recording_whole(tmp_path, name):
+    """A limit on the size of files stands for the disk."""
+    write_recording(attack_sound.recording(np.random.default_rng(0)), tmp_path / "r.h5")
+    CAMERA.save(tmp_path / "camera.json")
+    if not (tmp_path / name).exists():
+        (tmp_path / name).write_text(NOTES)
+    before = attacks.digests(tmp_path)
+    argv = ["simulate", "--sequence", "realistic-7", "--seconds", "0.2", "--camera", tmp_path / "camera.json"]
+    run = subprocess.run(
+        [sys.executable, "-c", LIMITED, *argv, "-o", tmp_path / name, "--overwrite"],
+        capture_output=True, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert run.returncode == 1 and len(run.stderr.splitlines()) == 1 and name in run.stderr, run.stderr
+    assert before.items() <= attacks.digests(tmp_path).items()
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_trajectories_that_never_end_are_not_read(tmp_path, lmmap, kind):
+    path, truth = tmp_path / f"{kind}.tum", MINI.with_suffix(".truth.csv")
+    os.mkfifo(path) if kind == "pipe" else path.symlink_to("/dev/zero")
+    for trajectory, reference in ((path, truth), (truth, path)):
+        code, _, err = lmmap("odometry", "score", trajectory, "--reference", reference)
+        assert code == 1 and len(err.splitlines()) == 1 and "a device or a pipe" in err, err
