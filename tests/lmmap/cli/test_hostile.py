@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from library_files import write_recording
 from test_format_table import short
-from test_train import toy  # noqa: F401
 
 from lmmap.cli import main
 from lmmap.files import InputError, lock
