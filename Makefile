@@ -28,7 +28,7 @@ book serve lab pdf: export LMMAP_PRECISION := float32
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce evaluate test lint book check-book pdf serve lab train bench vo clean
+.PHONY: help env reproduce evaluate test test-lmmap lint book check-book pdf serve lab train bench vo clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -69,6 +69,9 @@ $(ORACLES): tests/oracles.txt $(STAMP)
 
 test: env $(ORACLES)  ## run the tests (JOBS=4: on four processes, else on two)
 	@$(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
+
+test-lmmap: env $(ORACLES)  ## run the thin package's tests alone, where lmmap_lab cannot be imported (a minute)
+	@$(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal tests/lmmap
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff check .

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import attack_rig
 import numpy as np
 from attack_directed import directed_files
 from attack_mutations import mutated
@@ -82,6 +83,12 @@ def commands(path: Path, kind: str, folder: Path, sound: dict[str, Path]) -> dic
     return every
 
 
+def every_sound_file(folder: Path, rng) -> dict[str, Path]:
+    """`sound_files`, and those of a laboratory."""
+    recordings = sound_files(folder, rng)
+    return attack_rig.write(folder, rng) | recordings
+
+
 def cases(
     count: int,
     seed: int,
@@ -97,7 +104,7 @@ def cases(
     rng = np.random.default_rng(seed)
     for name in ("sound", "directed", "mutated"):
         (folder / name).mkdir()
-    sound = sound_files(folder / "sound", rng)
+    sound = every_sound_file(folder / "sound", rng)
     yielded = 0
     for name, path in (directed_files(folder / "directed") if directed else {}).items():
         kind = path.suffix or "folder"

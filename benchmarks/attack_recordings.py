@@ -36,8 +36,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from attack_cases import Case, cases, commands
-from attack_sound import sound_files
+from attack_cases import Case, cases, commands, every_sound_file
 
 from lmmap.cli import main as command
 
@@ -152,7 +151,7 @@ def changed_inputs(folder: Path) -> list[tuple[list[str], str]]:
     inputs = folder / "inputs"
     inputs.mkdir()
     (folder / "drawn").mkdir()
-    sound = sound_files(inputs, np.random.default_rng(0))
+    sound = every_sound_file(inputs, np.random.default_rng(0))
     poses, modality = str(folder / "poses.csv"), ("--modality", "event")
     todo = {"info": ["info", str(sound[".h5"])]}
     for kind, path in sound.items():  # each format once, each command once

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import attack_rig
 import cv2
 import foreign_files
 import h5py
@@ -34,9 +33,9 @@ def recording(rng) -> Recording:
 
 
 def sound_files(folder: Path, rng) -> dict[str, Path]:
-    """A file (or folder) of each format that is attacked."""
+    """A file (or folder) of each format that is attacked, those of a laboratory apart (`attack_rig`)."""
     r = recording(rng)
-    files = attack_rig.write(folder, rng)
+    files = {}
     for suffix in (s for s in WRITERS if s != ".hdf5"):
         write_recording(r, folder / f"r{suffix}")
         files[suffix] = folder / f"r{suffix}"

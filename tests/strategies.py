@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.port import in_view
 from lmmap.geometry.projection import project
-from lmmap.geometry.rotations import rotation_z
+from lmmap.geometry.rotations import angle_between_rad, rotation_z
 from lmmap.settings import OURS
 from lmmap.tracking.edges import Edges
 from lmmap.types import EVENT, Camera, Ellipse, Port, Pose
@@ -28,6 +28,13 @@ def pose(centre_px, distance_m, tilt_rad, azimuth_rad=0.0, yaw_rad=0.0, camera=C
     x_axis = x_axis / np.linalg.norm(x_axis)
     rotation = np.stack([x_axis, np.cross(n, x_axis), n], 1) @ rotation_z(yaw_rad)
     return Pose(rotation, -distance_m * back)
+
+
+def facing_pose(tilt_rad, azimuth_rad, yaw_rad, position_m) -> Pose:
+    """A port that looks along the camera's axis, tilted about an axis in the image plane, then turned."""
+    tilt = Rotation.from_rotvec(tilt_rad * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0]))
+    turn = tilt * Rotation.from_rotvec([np.pi, 0, 0]) * Rotation.from_rotvec([0, 0, yaw_rad])
+    return Pose(turn.as_matrix(), position_m)
 
 
 def visible_poses(min_tilt_deg=0.0, max_tilt_deg=65.0, max_distance_m=1.2):
@@ -70,6 +77,12 @@ def seeds():
 def cut(events: np.ndarray, rng, pieces: int = 7) -> list[np.ndarray]:
     """An array in random pieces, some of them empty."""
     return np.split(events, np.sort(rng.integers(0, len(events) + 1, pieces - 1)))
+
+
+def off(T: Pose, truth: Pose) -> tuple[float, float]:
+    """How far a pose is from the true one: angle between the normals in deg, distance in mm."""
+    return (float(np.rad2deg(angle_between_rad(T.normal, truth.normal))),
+            float(1e3 * np.linalg.norm(T.position_m - truth.position_m)))  # fmt: skip
 
 
 def moved(T, step) -> Pose:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap.types import Camera, Port
 from lmmap_lab.bench import cad, optics, renderer, shading, skins

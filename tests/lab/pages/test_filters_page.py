@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap_lab.bench.labels import label_masks
 from lmmap_lab.pages import filters_page

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks

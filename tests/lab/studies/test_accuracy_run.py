@@ -5,7 +5,7 @@ from shutil import copytree
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.types import (

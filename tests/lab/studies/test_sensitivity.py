@@ -108,3 +108,10 @@ def test_it_grows_with_distance_and_falls_with_tilt():
 def test_impossible_cases_are_refused(arguments, name):
     with pytest.raises(ValueError, match=f"{name}: expected"):
         sensitivity.explained_rotation_rad(*arguments)
+
+
+def test_the_normal_reaches_the_bound_and_the_region_holds_its_share():
+    table = sensitivity.monte_carlo([0, 5, 12, 20, 45], 600, CAMERA, NU, np.random.default_rng(0))
+    assert np.all(table.rms_over_bound[table.tilt_deg >= 12] <= 1.06)
+    assert table.inside_95_percent.between(92, 97).all()
+    assert table.mean_nees.between(4.6, 5.4).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.pipeline.weights import DOMAIN_GAPS, WEIGHTS, load_card
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
 from lmmap_lab.bench import labels, laboratory, varied
@@ -40,6 +40,13 @@ def test_only_the_high_gap_lacks_the_realistic_sequences():
     kinds = {gap: {n.split("-")[0] for n in dataset.SETS[gap]} for gap in DOMAIN_GAPS}
     both = {"augmented", "realistic"}
     assert kinds == {"high": {"augmented"}, "low": both, "robust": both | {"varied"}}
+
+
+@pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)
+def test_shipped_weights_were_trained_on_their_gaps_kinds_of_sequences(path):
+    card, gap = load_card(path), path.stem.split("-")[2]
+    kinds = {s.split("-")[0] for s in card["training_sequences"] + card["validation_sequences"]}
+    assert kinds == {name.split("-")[0] for name in dataset.SETS[gap]}
 
 
 @pytest.mark.parametrize("count", [10_000, PAPER.events_per_window, 45_000])

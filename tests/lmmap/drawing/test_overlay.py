@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap.drawing.overlay import AXES, COLOUR, Overlay, draw
 from lmmap.geometry.conics import circle_ellipse

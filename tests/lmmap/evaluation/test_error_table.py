@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import facing_pose
 from scipy.spatial.transform import Rotation
+from strategies import facing_pose
 
 from lmmap.evaluation import cells, error_table
 from lmmap.types import Camera, Estimate, Port, Pose, Recording, Status, Trajectory

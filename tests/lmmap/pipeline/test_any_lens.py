@@ -1,15 +1,14 @@
 """A picture of an unknown lens is looked at through several, and its ring comes out where it is."""
 
 import cv2
+import drawn
 import numpy as np
 import pytest
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline.any_lens import Look, best_look, looks, marker_scores, markers_px
 from lmmap.pipeline.weights import load_networks
-from lmmap.recordings.formats import open_recording
 from lmmap.types import Camera, Port, Pose
-from lmmap_lab.provenance import DATA
 
 PORT = Port.lm_map()
 FACING = np.diag([1.0, -1.0, -1.0])
@@ -22,7 +21,7 @@ def networks():
 
 @pytest.mark.parametrize("zoom", [0.75, 1.0, 2.0])
 def test_the_ring_is_found_however_large_the_picture_is(zoom, networks):
-    recording = open_recording(DATA / "mini" / "test-low.aedat4")
+    recording = drawn.recording()
     frame = recording.frames[0]
     truth = recording.truth.at(recording.frames_t_us[:1])[0]
     true = circle_ellipse(truth, PORT.ring_radius_m, recording.camera)

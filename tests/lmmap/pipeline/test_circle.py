@@ -4,7 +4,6 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import CAMERA, ellipses, pose, visible_poses
 
-from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry import conics, rotations
 from lmmap.pipeline import circle
 from lmmap.types import Camera, Ellipse, Pose
@@ -16,7 +15,7 @@ both = pytest.mark.parametrize("solve", [circle.poses, circle.paper_poses], ids=
 def errors(solve, T, camera=CAMERA):
     """Normal (deg) and position (mm) error of the better branch."""
     solved = solve(conics.circle_ellipse(T, NU, camera), camera, NU)
-    normal = np.rad2deg(normal_error_rad(solved, Pose(T.rotation[None], T.position_m[None])))
+    normal = np.rad2deg(rotations.angle_between_rad(solved.normal, T.normal))
     position = 1e3 * np.linalg.norm(solved.position_m - T.position_m, axis=-1)
     return normal.min(), position[normal.argmin()]
 
@@ -90,8 +89,8 @@ def test_fronto_parallel_the_papers_normals_are_off_by_twice_the_rings_angle(dis
     # the near and the true end of the minor axis make an isosceles triangle with the ring's centre
     T = pose((172.5, 129.5), distance, 0.0)
     solved = circle.paper_poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
-    off = normal_error_rad(solved, Pose(T.rotation[None], T.position_m[None]))
-    np.testing.assert_allclose(off, 2 * np.arctan(NU / distance), rtol=1e-9)
+    off_rad = rotations.angle_between_rad(solved.normal, T.normal)
+    np.testing.assert_allclose(off_rad, 2 * np.arctan(NU / distance), rtol=1e-9)
     np.testing.assert_allclose(solved.position_m, [T.position_m] * 2, atol=1e-12)
 
 

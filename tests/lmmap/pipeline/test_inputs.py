@@ -2,13 +2,13 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+import drawn
 import numpy as np
 import pytest
 
 import lmmap
 from lmmap.pipeline.inputs import as_camera, check_image
 from lmmap.types import Camera, InputError
-from lmmap_lab.provenance import DATA
 
 CAMERA = Camera.davis346()
 FRAME = np.zeros((260, 346, 3), np.uint8)
@@ -88,7 +88,7 @@ def test_times_that_are_none(t_us):
 
 
 def test_eight_threads_on_one_estimator_answer_as_one():
-    recording = lmmap.open_recording(DATA / "mini" / "test-low.aedat4")
+    recording = drawn.recording()
     estimator, frames = lmmap.Estimator(recording.camera), recording.frames[:2]
     alone = [estimator(frame) for frame in frames]
     with ThreadPoolExecutor(8) as pool:

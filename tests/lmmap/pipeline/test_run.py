@@ -1,14 +1,15 @@
-"""The whole path on the committed recording, with the shipped weights."""
+"""The whole path on a drawn recording, with the shipped weights."""
 
 from dataclasses import replace
 from itertools import pairwise
 
+import drawn
 import numpy as np
 import pytest
+from strategies import off
 
-from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.geometry.port import in_view
+from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline import agreement, circle
@@ -24,15 +25,13 @@ from lmmap.pipeline.run import (
     timed_images,
     true_poses,
 )
-from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS, PAPER, PerCamera
-from lmmap.types import Estimate, InputError, Port, Pose, Status
-from lmmap_lab.provenance import DATA
+from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
 
 
 @pytest.fixture(scope="module")
 def recording():
-    return open_recording(DATA / "mini" / "test-low.aedat4")
+    return drawn.recording()
 
 
 @pytest.fixture(scope="module", params=["rgb", "event"])
@@ -45,23 +44,16 @@ def test_every_image_is_answered(recording, answers):
     estimator, estimates = answers
     expected = {"rgb": len(recording.frames), "event": len(recording.events) // PAPER.events_per_window}
     assert len(estimates) == expected[estimator.modality] > 10
-    for e in estimates:
-        assert (e.T_cam_port is not None) == (e.status == Status.OK) == (e.rival is not None)
     assert np.all(np.diff([e.t_us for e in estimates]) > 0)
 
 
 def test_poses_are_near_the_truth_and_the_printed_formula_is_further(recording, answers):
     _, estimates = answers
-    known, truth = true_poses(recording, estimates)
-    ok = np.array([e.status == Status.OK for e in known])
-    seen = in_view(truth, answers[0].port, recording.camera)
-    assert ok[seen].mean() > 0.7
-    ours = [(e.T_cam_port, e.printed, t) for e, t in zip(known, truth, strict=True) if e.status == Status.OK]
-    position = np.median([position_error_m(a, t) for a, _, t in ours])
-    normal, printed = (np.median([normal_error_rad(p[i], p[2]) for p in ours]) for i in (0, 1))
-    assert position < 0.015
-    assert np.rad2deg(normal) < 2.0
-    assert normal < printed
+    for e, T in zip(*true_poses(recording, estimates), strict=True):
+        assert e.status == Status.OK and e.rival is not None
+        normal_deg, position_mm = off(e.T_cam_port, T)
+        assert normal_deg < 1 and position_mm < 3
+        assert normal_deg < off(e.printed, T)[0]
 
 
 def test_an_answer_does_not_depend_on_those_before(recording, answers):
@@ -188,3 +180,23 @@ def test_rate_takes_the_last_events_before_each_tick(recording):
     assert all(image.sum() == PAPER.events_per_window for _, image in at)
     frames = [t for t, _ in images(recording, "rgb", rate_hz=10.0)]
     assert np.diff(frames) == pytest.approx(1e5, rel=0.1)
+
+
+def test_misuse():
+    with pytest.raises(ValueError, match="modality"):
+        Estimator(modality="lidar")
+    with pytest.raises(ValueError, match="image"):
+        Estimator(Camera(640, 480, 500, 500, 320, 240))(np.zeros((260, 346, 3), np.uint8))
+    with pytest.raises(InputError, match="no readable weights"):
+        Estimator(weights="nowhere")
+
+
+def test_the_networks_can_be_any_two_functions(recording):
+    T = recording.truth.poses[0]
+    ring, markers = ideal_masks(T, Port.lm_map(), recording.camera)
+    estimated = Estimator(recording.camera, weights=(lambda image: ring, lambda image: markers))(
+        recording.frames[0]
+    )
+    assert estimated.status == Status.OK
+    normal_deg, position_mm = off(estimated.T_cam_port, T)
+    assert position_mm < 2 and normal_deg < 1

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import facing_pose
 from hypothesis import given
 from hypothesis import strategies as st
+from strategies import facing_pose
 
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import trajectory_of, write_estimates, write_trajectory
