@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from lmmap_lab.studies.metrics import normal_error_rad, position_error_m
 
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.run import estimate, images, true_poses

@@ -48,7 +48,8 @@ def video(path, r):
 
 
 FILES = {  # a file of each of FORMATS, in their order, and what it is estimated from
-    "e.aedat4": (every.library, "event"), "e.bag": (every.library, "event"), "bag": (every.EVENTS["bag2"], "event"),
+    "e.aedat4": (every.library, "event"), "e.bag": (every.library, "event"),
+    "bag": (every.EVENTS["bag2"], "event"),
     "e.raw": (every.EVENTS["evt3.raw"], "event"), "e.dat": (every.dat, "event"),
     "e.hdf5": (every.prophesee_hdf5, "event"), "e.es": (every.es, "event"),
     "e.txt": (every.text, "event"), "e.csv": (every.csv, "event"),

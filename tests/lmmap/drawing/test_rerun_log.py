@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import drawn
 import numpy as np
 import pytest
+from library_files import write_recording
 from strategies import facing_pose
 
 from lmmap.cli import main
 from lmmap.drawing import rerun_log
-from lmmap.recordings.formats import read_estimates, write_recording
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Camera, Ellipse, Estimate, Port, Status
 
