@@ -12,12 +12,12 @@ import numpy as np
 import plain
 import torch
 
+from lmmap.estimation.images import images
 from lmmap.pipeline.circle import candidates
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import markers_box_px, reflector_mask
 from lmmap.pipeline.network import PRECISIONS, best_precision
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS

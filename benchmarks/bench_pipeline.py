@@ -20,12 +20,13 @@ import numpy as np
 import plain
 import torch
 
+from lmmap.estimation.estimates import estimate_images
+from lmmap.estimation.images import TimedImage, images
 from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.network import faster_precision
 from lmmap.pipeline.ring import skeleton_points
-from lmmap.pipeline.run import TimedImage, estimate_images, images
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour

@@ -18,10 +18,10 @@ import plain
 import torch
 from bench_pipeline import Watch, has_bfloat16, papers
 
+from lmmap.estimation.images import timed_images
 from lmmap.files import tune_allocator
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
 from lmmap.tracking.tracker import Tracker

@@ -23,7 +23,7 @@ _HOME = {
     "circle": "pipeline.circle",
     "draw": "drawing.overlay",
     "ellipse": "pipeline.ellipse",
-    "estimate": "pipeline.run",
+    "estimate": "estimation.estimates",
     "fuse": "tracking.fusion",
     "histograms": "pipeline.histograms",
     "open_recording": "recordings.formats",

@@ -48,7 +48,7 @@ def made_results() -> Path:
 
 @cache
 def source_files(*modules: str) -> tuple[str, ...]:
-    """Source files of modules (``"lmmap.pipeline.run"``) and of all that they import, relative to the
+    """Source files of modules (``"lmmap.estimation.estimates"``) and of all that they import, relative to the
     checkout."""
     waiting, files = [ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in modules], set()
     while waiting:

@@ -29,8 +29,9 @@ import wrong_poses
 from choose_thresholds import right
 from scipy.spatial.transform import Rotation
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import TimedImage
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
-from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.types import Estimate, Pose

@@ -21,13 +21,13 @@ import pandas as pd
 from scipy.stats import chi2
 from tqdm import tqdm
 
+from lmmap.estimation.images import images
 from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline import circle, refine, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.run import images
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
@@ -36,6 +36,7 @@ from lmmap.types import Camera, Port, Pose
 from lmmap_lab.bench import laboratory, sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.chart_errors import chart_nees
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
 SECONDS, RATE_HZ = 1.6, 5.0
@@ -123,7 +124,7 @@ def of_rings(cases: list, nearer: list[Pose], sigmas_px, port: Port, camera: Cam
     nees, charts = [], []
     for (ring, _, _, truth), T, sigma_px in zip(cases, nearer, sigmas_px, strict=True):
         chart = uncertainty.pose_uncertainty(T, ring.points_px, sigma_px, port.ring_radius_m, camera).chart
-        nees.append(uncertainty.chart_nees(T, truth, chart, port.ring_radius_m, camera))
+        nees.append(chart_nees(T, truth, chart, port.ring_radius_m, camera))
         charts.append(chart)
     factor = np.quantile(nees, 0.95) / chi2.ppf(0.95, 5)
     scores = log_scores(np.array(nees) / factor, factor * np.array(charts))

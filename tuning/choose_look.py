@@ -19,9 +19,10 @@ from choose_thresholds import right
 from scipy.stats import chi2
 from tqdm import tqdm
 
+from lmmap.estimation.windows import windows_at
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.histograms import histogram, middle_us, windows_at
+from lmmap.pipeline.histograms import histogram, middle_us
 from lmmap.settings import OURS
 from lmmap.tracking.outliers import is_certain
 from lmmap.types import Estimate

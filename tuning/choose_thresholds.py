@@ -18,12 +18,12 @@ import pandas as pd
 from calibrate_uncertainty import RATE_HZ, recording
 from tqdm import tqdm
 
+from lmmap.estimation.images import images
 from lmmap.geometry.port import in_view
 from lmmap.pipeline import agreement, circle, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.run import images
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
 from lmmap.types import Port, Pose

@@ -19,8 +19,9 @@ from other_sensors import FRAME_HZ, PORT, SENSORS, is_seen, true_pose
 from tqdm import tqdm
 from wrong_poses import SETS
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import timed_images
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.settings import OURS, PerCamera, Settings
 from lmmap_lab.bench import sequences
 from lmmap_lab.provenance import DATA, save_table

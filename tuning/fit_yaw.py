@@ -18,6 +18,7 @@ import wrong_poses
 from choose_thresholds import right
 
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
+from lmmap.geometry.markers import polar_template
 from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
@@ -59,10 +60,17 @@ def views(set_name: str, modality: str, weights: str) -> list[dict]:
     return rows
 
 
+def marker_means(reflector_mask, pair) -> np.ndarray:
+    """Mean of the mask (H, W) inside the markers of two poses at each yaw of the grid, (2, yaws): the first
+    of what `fast_yaw` weighs."""
+    _, template, _ = polar_template(PORT, OURS.yaw_step_rad)
+    return yaw.correlate(reflector_mask, pair, PORT, CAMERA, OURS)[1] / template.sum()
+
+
 def features(reflectors, edges, pair) -> np.ndarray:
     """Mean of the mask inside the markers, and `outline.support`, at every normal and yaw (2, yaws, 4)."""
     seen = outline.support(edges, pair, PORT, CAMERA, round(PORT.yaw_period_rad / OURS.yaw_step_rad))
-    return np.concatenate([yaw.marker_means(reflectors, pair, PORT, CAMERA)[..., None], seen], -1)
+    return np.concatenate([marker_means(reflectors, pair)[..., None], seen], -1)
 
 
 def near_truth(pair, truth, normal_rad) -> np.ndarray:

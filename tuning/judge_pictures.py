@@ -20,12 +20,12 @@ import numpy as np
 import pandas as pd
 
 from lmmap.pipeline import ellipse
-from lmmap.pipeline.any_lens import Look, best_look, looks, marker_scores, markers_px
 from lmmap.pipeline.weights import DOMAIN_GAPS, load_networks
-from lmmap.recordings.pdf import pictures
 from lmmap.settings import OURS
 from lmmap.types import Camera, Ellipse, Port
 from lmmap_lab.provenance import DATA, load_json, save_json, save_table
+from lmmap_lab.studies.any_lens import Look, best_look, looks, marker_scores, markers_px
+from lmmap_lab.studies.pdf import pictures
 
 TABLE, OUTLINES = (DATA / "results" / name for name in ("pictures.csv", "picture-outlines.json"))
 RIGHT_CENTRE_PX, RIGHT_AXES = 4.0, 0.12  # of a ring that is right; pixels as the DAVIS's

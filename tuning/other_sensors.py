@@ -24,11 +24,12 @@ from choose_thresholds import right
 from scipy.stats import bootstrap
 from tqdm import tqdm
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import timed_images
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import outside_training
-from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.pipeline.weights import set_hashes
 from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, Ellipse, Port, Pose, Recording, Trajectory

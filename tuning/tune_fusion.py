@@ -25,10 +25,10 @@ from calibrate_uncertainty import log_scores, mahalanobis
 from scipy.stats import chi2
 from tqdm import tqdm
 
-from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
+from lmmap.estimation.estimates import estimate, merge_by_time
+from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m, true_poses
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate, merge_by_time, true_poses
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import MODALITIES, OURS, MotionSettings

@@ -17,9 +17,9 @@ from unittest import mock
 
 import numpy as np
 
+from lmmap.estimation.images import images
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.image_estimator import settings_for
-from lmmap.pipeline.run import images
 from lmmap.settings import PAPER
 from lmmap.types import EVENT, Camera, Port, Pose, Recording, Trajectory
 from lmmap_lab.bench import cad, labels, laboratory, optics, renderer, sequences, shading, skins

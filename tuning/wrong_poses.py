@@ -32,10 +32,11 @@ import validation_world as world
 from choose_thresholds import right
 from tqdm import tqdm
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import TimedImage, timed_images
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import MaskNetwork, TurnedToo
-from lmmap.pipeline.run import TimedImage, estimate_image, timed_images
 from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.settings import OURS, PerCamera, Settings
 from lmmap.types import Camera, Estimate, Port, Pose, Recording

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from lmmap.estimation.estimates import estimate
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.types import InputError, Port, Trajectory

@@ -32,10 +32,6 @@ INFO = """examples:
   lmmap info run.aedat4                                       needs no calibration
   lmmap info run.bag --camera camera.yaml --json              says too whether the lens is in range
 """
-PICTURES = """examples:
-  lmmap pictures paper.pdf -o drawn                   its pictures, each through several focal lengths
-  lmmap pictures photos -o drawn --modality rgb
-"""
 LIVE = """examples:
   lmmap live --modality event --camera camera.json            from an attached camera; Ctrl-C ends it
   lmmap live demo.aedat4 --modality rgb --seconds 5           a recording, in the time that it took
@@ -56,7 +52,7 @@ def parser(complete_files=None) -> argparse.ArgumentParser:
         shtab's word for arguments that are files, where a completion script is made.
     """
     commands = Commands(complete_files)
-    for add in (_estimate, _draw, _evaluate, _info, _pictures, _live, _completion):
+    for add in (_estimate, _draw, _evaluate, _info, _live, _completion):
         add(commands)
     commands.add_installed()
     return commands.parser
@@ -111,16 +107,6 @@ def _info(commands: Commands) -> None:
     command = commands.add("info", "lmmap.cli.info:info", text, INFO)
     commands.add_recording(command)
     command.add_argument("--json", action="store_true", help="print JSON")
-
-
-def _pictures(commands: Commands) -> None:
-    text = "draw the port that each set of mask networks finds in pictures of unknown lenses"
-    command = commands.add("pictures", "lmmap.cli.pictures:pictures", text, PICTURES)
-    commands.add_file(command, "source", metavar="PDF-or-FOLDER", help="a PDF, or a folder of pictures")
-    command.add_argument("--modality", choices=MODALITIES, help="frames or histograms (default: try both)")
-    commands.add_file(command, "--port", help="geometry of another port (JSON)")
-    text = "folder for the drawings, one a picture and camera"
-    commands.add_output(command, text, required=True, metavar="FOLDER")
 
 
 def _live(commands: Commands) -> None:

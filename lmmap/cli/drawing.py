@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 from ..drawing.overlay import Overlay
 from ..drawing.rerun_log import RerunLog
+from ..estimation.images import timed_images
 from ..files import check_output
-from ..pipeline import run
 from ..pipeline.image_estimator import settings_for
 from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
@@ -21,11 +21,11 @@ def draw(a) -> None:
     check_output(a.output, [*input_files(a), a.poses], overwrite=a.overwrite)
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
-    timed_images = run.timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
+    shots = timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
     view = _view(a, stream.camera)
     try:
         with view as video, Bar(stream, a.modality) as bar:
-            for timed in timed_images:
+            for timed in shots:
                 images = dict([timed.wider] if timed.wider else []) | {timed.t_us: timed.image}
                 for t_us in sorted(images.keys() & estimates.keys()):
                     video.add(images[t_us], estimates[t_us])

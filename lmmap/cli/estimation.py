@@ -13,15 +13,16 @@ from pathlib import Path
 
 from ..drawing.overlay import Overlay
 from ..drawing.rerun_log import RerunLog
+from ..estimation.estimates import estimate_images, merge_by_time
+from ..estimation.images import timed_images
+from ..estimation.tracks import track_between, track_images
 from ..files import check_output
-from ..pipeline import run
 from ..pipeline.weights import FILTERS, weight_path
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
 from ..tracking.fusion import fuse
-from ..tracking.recorded import track_between, track_images
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
 from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input
@@ -102,7 +103,7 @@ def _answers(a, stream: Stream, estimators: dict, journal: Journal, files: ExitS
     """``(image, estimate)`` in the order of time, of what is not in the journal yet; no image where a pose is
     between images, or of both cameras.  Journals of the cameras that are fused are opened in ``files``."""
     if a.track:
-        shots = [run.timed_images(stream, m, e.settings, a.rate) for m, e in estimators.items()]
+        shots = [timed_images(stream, m, e.settings, a.rate) for m, e in estimators.items()]
         in_order = heapq.merge(*shots, key=lambda shot: shot.t_us)
         tracker = Tracker(*estimators.values(), events=bool(a.between))
         if a.between:
@@ -114,14 +115,14 @@ def _answers(a, stream: Stream, estimators: dict, journal: Journal, files: ExitS
     for m, estimator in estimators.items():
         part = files.enter_context(_journal(a, _part(a, m), "csv", m, {m: estimator}))
         parts[m] = _estimate_part(stream, estimator, a.rate, part)
-    fused = fuse(run.merge_by_time(parts), estimators["rgb"].port.yaw_period_rad, a.rate)
+    fused = fuse(merge_by_time(parts), estimators["rgb"].port.yaw_period_rad, a.rate)
     return ((None, e) for e in fused if not journal.has(e.t_us))
 
 
 def _estimate_rest(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[tuple]:
     """``(image, estimate)`` of one camera's images that are not in the journal yet."""
-    shots = run.timed_images(stream, estimator.modality, estimator.settings, rate_hz)
-    return run.estimate_images((shot for shot in shots if not journal.has(*shot.times_us)), estimator)
+    shots = timed_images(stream, estimator.modality, estimator.settings, rate_hz)
+    return estimate_images((shot for shot in shots if not journal.has(*shot.times_us)), estimator)
 
 
 def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:

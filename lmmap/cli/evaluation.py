@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from ..estimation.estimates import estimate, merge_by_time
 from ..evaluation import cells, error_table
-from ..pipeline import run
 from ..recordings.pose_files import read_truth
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
@@ -34,7 +34,7 @@ def evaluate(a) -> None:
     port = estimators[single[0]].port
     estimates = {m: _estimates(stream, e, a.rate) for m, e in estimators.items()}
     if single == MODALITIES and all(estimates.values()) and not a.as_printed:
-        estimates["fused"] = list(fuse(run.merge_by_time(estimates), port.yaw_period_rad, a.rate))
+        estimates["fused"] = list(fuse(merge_by_time(estimates), port.yaw_period_rad, a.rate))
     tables = _error_tables(a, stream, estimates, port)
     if a.json:
         print(json.dumps({m: _as_json(table) for m, table in tables.items()}, indent=1))
@@ -62,7 +62,7 @@ def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimat
     """One camera's estimates."""
     estimates = []
     with Bar(stream, estimator.modality) as bar:
-        for e in run.estimate(stream, estimator, rate_hz):
+        for e in estimate(stream, estimator, rate_hz):
             estimates.append(e)
             bar.add(e)
     return estimates

@@ -11,8 +11,8 @@ from contextlib import nullcontext
 
 import numpy as np
 
+from ..estimation.images import newest_images
 from ..files import check_output
-from ..pipeline.run import newest_images
 from ..recordings import devices
 from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera

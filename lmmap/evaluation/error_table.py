@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from ..geometry.port import in_view
-from ..pipeline.run import true_poses
 from ..recordings.pose_files import stack_poses
 from ..settings import OURS, Settings
 from ..tracking.outliers import is_certain, outlier_filter, sigmas
 from ..types import Estimate, Port, Pose, Recording
-from .pose_errors import normal_error_rad, pose_difference, position_error_m, rotation_error_rad
+from .pose_errors import normal_error_rad, pose_difference, position_error_m, rotation_error_rad, true_poses
 
 METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
 PREDICTIONS = ["position_sigma_m", "normal_sigma_deg", "nees"]

@@ -6,7 +6,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..geometry.rotations import angle_between_rad, equal_turns, rotation_angle_rad, rotation_between_rad
-from ..types import Pose
+from ..types import AnyRecording, Estimate, Pose
+
+
+def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
+    """The estimates whose time the truth covers, and the true poses then."""
+    span = recording.truth.t_us
+    known = [e for e in estimates if span[0] <= e.t_us <= span[-1]]
+    return known, recording.truth.at(np.array([e.t_us for e in known], np.int64))
 
 
 def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:

@@ -103,7 +103,7 @@ def fast_yaw(
     mask = _check(reflector_mask, T_cam_port, camera)
     check_yaw_step(port, settings.yaw_step_rad)
     _, template, step_rad = polar_template(port, settings.yaw_step_rad)
-    folded, correlation = _correlate(mask, T_cam_port, port, camera, settings)
+    folded, correlation = correlate(mask, T_cam_port, port, camera, settings)
     criterion = correlation / template.sum()
     if edges is not None:
         seen = outline.support(edges, T_cam_port, port, camera, correlation.shape[-1])
@@ -134,16 +134,7 @@ def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -
     return sample(mask, project_points(T_cam_port, marker_points_m(port), camera)).mean((1, 2))
 
 
-def marker_means(
-    reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS
-) -> np.ndarray:
-    """Mean of the mask (H, W) inside the markers of two poses at each yaw of the grid, (2, yaws): the first
-    of what `fast_yaw` weighs."""
-    _, template, _ = polar_template(port, settings.yaw_step_rad)
-    return _correlate(reflector_mask, T_cam_port, port, camera, settings)[1] / template.sum()
-
-
-def _correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings):
+def correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings):
     """The mask on polar coordinates of the markers' plane, its sectors folded, (2, R, yaws), and its circular
     correlation with one marker (2, yaws)."""
     points_m, template, _ = polar_template(port, settings.yaw_step_rad)

@@ -56,7 +56,7 @@ class Uncertainty:
         `Settings.merged_sigmas` it is the disc on both branches: so near head-on the variances are large, and
         ``chart`` says more than they do.
         """
-        _, E, m, w = _chart(self.T_cam_port, self.radius_m, self.camera)
+        _, E, m, w = cone_chart(self.T_cam_port, self.radius_m, self.camera)
         size, branch = 0.5 * np.log(m), np.sign(-self.T_cam_port.normal @ E[:, 0]) or 1.0
 
         # quadrature over w; y and s follow by their conditional mean, and add their conditional spread
@@ -90,7 +90,7 @@ def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) ->
 
     A change dQ of the cone moves the contour by x' dQ x / |grad x' Q x|.
     """
-    (l1, l2, l3), E, m, w = _chart(T_cam_port, radius_m, camera)
+    (l1, l2, l3), E, m, w = cone_chart(T_cam_port, radius_m, camera)
     square = Camera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     a, b, c = np.moveaxis(bearings(points_px, square) @ E, -1, 0)
     gap = m - l3
@@ -138,33 +138,12 @@ def pose_uncertainty(
     if len(points_px) < 5 or not np.linalg.cond(J) < 1e14:
         raise ValueError(f"points_px: expected points that determine an ellipse, got {len(points_px)}")
     chart = np.linalg.inv(J) * sigma_px**2
-    w = _chart(T_cam_port, radius_m, camera)[-1]
+    w = cone_chart(T_cam_port, radius_m, camera)[-1]
     tilt_sigmas = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(chart[3:, 3:]), [w, 0])))
     return Uncertainty(T_cam_port, chart, tilt_sigmas, radius_m, camera, yaw_sigma_rad, merged)
 
 
-def chart_error(T_cam_port: Pose, truth: Pose, radius_m: float, camera: Camera) -> np.ndarray:
-    """The true circle's chart minus the estimate's, (5,), in the axes of the estimate's cone."""
-    _, E, m, w = _chart(T_cam_port, radius_m, camera)
-    l_true, E_true = cone(circle_conic(truth, radius_m, camera), camera.K)
-    relative = E.T @ E_true
-    axis = relative[:, 2]
-    y = axis[:2] * np.arccos(np.clip(axis[2], -1, 1)) / max(np.hypot(*axis[:2]), 1e-300)
-    first = relative[:2, 0] - axis[:2] * relative[2, 0] / (1 + axis[2])  # e1, turned back with the axis
-    azimuth = np.arctan2(first[1], first[0])
-    m_true = (l_true[0] + l_true[1]) / 2
-    length = (l_true[0] - l_true[1]) / (m_true - l_true[2])
-    w_true = length * np.array([np.cos(2 * azimuth), np.sin(2 * azimuth)])
-    return np.concatenate([y, [0.5 * np.log(m_true / -l_true[2] / m)], w_true - [w, 0]])
-
-
-def chart_nees(T_cam_port: Pose, truth: Pose, chart, radius_m: float, camera: Camera) -> float:
-    """Normalised squared error of the cone: chi-square with 5 degrees of freedom if ``chart`` is right."""
-    d = chart_error(T_cam_port, truth, radius_m, camera)
-    return float(d @ np.linalg.solve(chart, d))
-
-
-def _chart(T_cam_port: Pose, radius_m: float, camera: Camera):
+def cone_chart(T_cam_port: Pose, radius_m: float, camera: Camera):
     """Eigenvalues scaled to l3 = -1, axes, m and |w| of a circle's cone."""
     if not radius_m > 0:
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")

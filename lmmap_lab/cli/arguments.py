@@ -19,6 +19,10 @@ DATASET = """examples:
   lmmap dataset                     what the data set is, and what each study needs of it
   lmmap dataset check recordings    which of its bags are in a folder, and whether they can be used
 """
+PICTURES = """examples:
+  lmmap pictures paper.pdf -o drawn                   its pictures, each through several focal lengths
+  lmmap pictures photos -o drawn --modality rgb
+"""
 CALIBRATE = """examples:
   lmmap calibrate dataset_0307/dvs_calibration.bag --board 8x5 --square 0.03     writes camera.json
   lmmap calibrate normal__train.bag --hand-eye camera-to-robot-calibration_dvs.yaml
@@ -131,3 +135,13 @@ def calibrate(commands: Commands) -> None:
     command.add_argument("--square", type=float, default=0.03, metavar="M", help=text)
     commands.add_output(command, "default: rig.json or camera.json, beside the first bag")
     command.add_argument("--json", action="store_true", help="print JSON")
+
+
+def pictures(commands: Commands) -> None:
+    text = "draw the port that each set of mask networks finds in pictures of unknown lenses"
+    command = commands.add("pictures", "lmmap_lab.cli.pictures:pictures", text, PICTURES)
+    commands.add_file(command, "source", metavar="PDF-or-FOLDER", help="a PDF, or a folder of pictures")
+    command.add_argument("--modality", choices=MODALITIES, help="frames or histograms (default: try both)")
+    commands.add_file(command, "--port", help="geometry of another port (JSON)")
+    text = "folder for the drawings, one a picture and camera"
+    commands.add_output(command, text, required=True, metavar="FOLDER")

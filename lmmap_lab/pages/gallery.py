@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.images import timed_images
 from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
-from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Estimate, Port, Recording

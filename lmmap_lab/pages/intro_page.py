@@ -5,10 +5,10 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 
+from lmmap.estimation.images import images
 from lmmap.pipeline.circle import candidates
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
-from lmmap.pipeline.run import images
 from lmmap.types import Camera, Ellipse, Recording
 
 from .drawings import COLOUR, draw_ellipse, draw_estimate, show_image

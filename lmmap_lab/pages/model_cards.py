@@ -9,9 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.images import images
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.rescale import trained_range_m
-from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import FILTERS, load_card, load_network, set_hashes, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording

@@ -15,9 +15,9 @@ import numpy as np
 
 from lmmap.drawing.overlay import draw
 from lmmap.drawing.video import Video
+from lmmap.estimation.images import timed_images
 from lmmap.evaluation.pose_errors import position_error_m
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.settings import PAPER

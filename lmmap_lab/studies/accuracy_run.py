@@ -10,10 +10,10 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
+from lmmap.estimation.estimates import merge_by_time
 from lmmap.evaluation import error_table
 from lmmap.files import has_mark, tune_allocator, write_text
 from lmmap.pipeline.network import best_precision
-from lmmap.pipeline.run import merge_by_time
 from lmmap.pipeline.weights import shipped_gaps
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.settings import MODALITIES, OURS, PAPER
@@ -31,7 +31,7 @@ from .sequence_files import bench_recording, kept_estimates
 from .table1 import BLOCK_S, DOMAIN_GAPS, LIGHTS, TRACKS
 
 RESULT_SOURCES = (
-    *source_files("lmmap_lab.bench.sequences", "lmmap.pipeline.run", "lmmap.recordings.pose_files",
+    *source_files("lmmap_lab.bench.sequences", "lmmap.estimation.estimates", "lmmap.recordings.pose_files",
              "lmmap.tracking.fusion", "lmmap_lab.training.mask_quality", "lmmap_lab.studies.reliability",
              "lmmap_lab.studies.ladder"),
     "data/weights/*", "environment.txt",

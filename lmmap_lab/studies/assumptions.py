@@ -15,10 +15,10 @@ from itertools import islice, product
 
 import pandas as pd
 
+from lmmap.estimation.images import timed_images
 from lmmap.evaluation import error_table
 from lmmap.evaluation.error_table import is_wrong
 from lmmap.pipeline.printed import Assumptions, PrintedEstimator
-from lmmap.pipeline.run import timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import MODALITIES, PAPER
 from lmmap.types import Estimate, Port, Recording

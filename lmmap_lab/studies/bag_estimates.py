@@ -6,10 +6,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from lmmap.estimation.estimates import estimate_images
+from lmmap.estimation.images import timed_images
 from lmmap.files import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
-from lmmap.pipeline.run import estimate_images, timed_images
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates

@@ -15,11 +15,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import TimedImage
+from lmmap.estimation.windows import windows_at
 from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.histograms import window_histograms, windows_at
-from lmmap.pipeline.run import TimedImage, estimate_image
+from lmmap.pipeline.histograms import window_histograms
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import OURS, BetweenSettings

@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import TimedImage
 from lmmap.evaluation import error_table
 from lmmap.evaluation.error_table import METRICS
 from lmmap.pipeline import circle, yaw
@@ -18,7 +20,6 @@ from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.printed import PrintedEstimator
 from lmmap.pipeline.rescale import resample
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.types import Estimate, Port, Pose, Recording, Status
 
 from . import table1

@@ -18,10 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.estimates import estimate_images
+from lmmap.estimation.images import timed_images
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.run import estimate_images, timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
 from lmmap.types import AnyRecording, Port, Recording

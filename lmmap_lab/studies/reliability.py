@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from lmmap.evaluation.error_table import METRICS, error_values, is_wrong
-from lmmap.pipeline.run import true_poses
+from lmmap.evaluation.pose_errors import true_poses
 from lmmap.types import Estimate, Port, Recording
 
 BINS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0])  # most poses are in the last

@@ -15,6 +15,8 @@ from lmmap.pipeline import circle, ellipse
 from lmmap.refinement import uncertainty
 from lmmap.types import Camera, Pose
 
+from .chart_errors import chart_nees
+
 UNIT = Camera(1, 1, 1.0, 1.0, 0.0, 0.0)  # image coordinates before the focal length
 CONTOUR = 72  # points
 
@@ -177,7 +179,7 @@ def monte_carlo(tilts_deg, trials: int, camera: Camera, radius_m: float, rng: np
             best = pair[int(np.argmax(pair.normal @ T.normal))]
             off[k] = np.arctan2(np.linalg.norm(np.cross(best.normal, T.normal)), best.normal @ T.normal)
             J = uncertainty.information(best, fitted.points(count), radius_m, camera)
-            nees[k] = uncertainty.chart_nees(best, T, np.linalg.inv(J) * sigma_px**2, radius_m, camera)
+            nees[k] = chart_nees(best, T, np.linalg.inv(J) * sigma_px**2, radius_m, camera)
         rms, bound = np.sqrt(np.mean(off**2)), cramer_rao(T, radius_m, camera, count, sigma_px)[0]
         inside = 100 * np.mean(nees < chi2.ppf(0.95, 5))
         rows.append((tilt_deg, np.rad2deg(rms), np.rad2deg(bound), rms / bound, nees.mean(), inside))

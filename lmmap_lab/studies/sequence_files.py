@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lmmap.estimation.estimates import each_image, estimate
+from lmmap.estimation.images import timed_images
 from lmmap.files import has_mark, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import best_precision
-from lmmap.pipeline.run import each_image, estimate, timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import Settings
@@ -23,7 +24,7 @@ from . import ladder
 from .accuracy_tables import label
 from .table1 import DOMAIN_GAPS
 
-ESTIMATE_SOURCES = source_files("lmmap.pipeline.run", "lmmap.recordings.pose_files")
+ESTIMATE_SOURCES = source_files("lmmap.estimation.estimates", "lmmap.recordings.pose_files")
 LADDER_SOURCES = source_files("lmmap_lab.studies.ladder")
 
 

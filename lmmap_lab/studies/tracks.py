@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import timed_images
+from lmmap.estimation.tracks import track_images
 from lmmap.evaluation import error_table
 from lmmap.evaluation.error_table import is_wrong
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate_image, timed_images
 from lmmap.settings import OURS, PAPER, Settings
-from lmmap.tracking.recorded import track_images
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import AnyRecording, Estimate, Status
 

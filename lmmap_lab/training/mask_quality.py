@@ -8,9 +8,9 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from skimage.morphology import skeletonize
 
+from lmmap.estimation.images import images
 from lmmap.geometry.port import circle_points_m, in_view
 from lmmap.geometry.projection import project
-from lmmap.pipeline import run
 from lmmap.pipeline.masks import markers_box_px
 from lmmap.pipeline.ring import binarise
 from lmmap.pipeline.weights import FILTERS, load_network, weight_path
@@ -118,13 +118,13 @@ def _markers_box(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
 
 def _images_in_view(recording, modality, port, settings, most) -> list:
     """``(t_us, image, true pose)`` of images in which the whole ring is in view."""
-    times_us = np.array([t_us for t_us, _ in run.images(recording, modality, settings)], np.int64)
+    times_us = np.array([t_us for t_us, _ in images(recording, modality, settings)], np.int64)
     times_us = times_us[(times_us >= recording.truth.t_us[0]) & (times_us <= recording.truth.t_us[-1])]
     poses = recording.truth.at(times_us)
     visible = np.flatnonzero(in_view(poses, port, recording.camera))
     chosen = visible[np.unique(np.linspace(0, len(visible) - 1, min(most, len(visible))).astype(int))]
     pose_at = {int(times_us[k]): poses[k] for k in chosen}
-    shots = run.images(recording, modality, settings)
+    shots = images(recording, modality, settings)
     return [(t_us, image, pose_at[t_us]) for t_us, image in shots if t_us in pose_at]
 
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
+from lmmap.estimation.estimates import estimate
+from lmmap.estimation.images import images
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, true_poses
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import estimate, images, true_poses
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER

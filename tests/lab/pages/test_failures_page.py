@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from lmmap.estimation.estimates import estimate
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
-from lmmap.pipeline.run import estimate
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.settings import PerCamera

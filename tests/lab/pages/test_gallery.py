@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from lmmap.pipeline.run import images, timed_images
+from lmmap.estimation.images import images, timed_images
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.types import Estimate, Status

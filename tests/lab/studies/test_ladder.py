@@ -5,10 +5,10 @@ import pytest
 from strategies import CAMERA, PORT, pose
 
 from lmmap import Estimator, PrintedEstimator
+from lmmap.estimation.images import TimedImage
 from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.crops import crop_bounds
-from lmmap.pipeline.run import TimedImage
 from lmmap.pipeline.weights import load_networks
 from lmmap.types import Pose, Recording, Status, Trajectory
 from lmmap_lab.studies import ladder

@@ -9,9 +9,9 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import circle_points_m
 from lmmap.geometry.projection import project
 from lmmap.pipeline import ellipse
-from lmmap.pipeline.any_lens import Look, markers_px
 from lmmap.types import Camera, Estimate, Port, Pose, Status
 from lmmap_lab.provenance import DATA
+from lmmap_lab.studies.any_lens import Look, markers_px
 
 PICTURES = pd.read_csv(DATA / "paper" / "pictures.csv").set_index("picture")
 POINTS = pd.read_csv(DATA / "paper" / "picture-points.csv")

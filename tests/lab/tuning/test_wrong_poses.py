@@ -5,9 +5,10 @@ import pytest
 import wrong_poses
 from strategies import CAMERA, PORT, pose
 
+from lmmap.estimation.estimates import estimate_image
+from lmmap.estimation.images import TimedImage
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.run import TimedImage, estimate_image
 from lmmap.settings import OURS
 from lmmap_lab.studies.sequence_files import looks_of
 

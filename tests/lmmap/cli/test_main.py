@@ -20,7 +20,7 @@ from test_bad_input import write_camera
 from lmmap import settings
 from lmmap.cli import arguments, choices, main, progress
 from lmmap.cli.commands import OWN
-from lmmap.pipeline import run as pipeline
+from lmmap.estimation import estimates as pipeline
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS

@@ -6,14 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import cut, seeds
 
-from lmmap.pipeline.histograms import (
-    histogram,
-    window_histograms,
-    windows,
-    windows_at,
-    windows_before,
-    windows_of,
-)
+from lmmap.estimation.windows import windows_at, windows_of
+from lmmap.pipeline.histograms import histogram, window_histograms, windows, windows_before
 from lmmap.settings import OURS, PAPER, scaled_count
 from lmmap.types import EVENT
 

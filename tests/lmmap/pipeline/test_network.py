@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from lmmap.estimation.images import images
 from lmmap.pipeline.crops import crop_bounds
 from lmmap.pipeline.network import (
     CHANNELS,
@@ -18,7 +19,6 @@ from lmmap.pipeline.network import (
     inputs_of,
     up_to_one_channel,
 )
-from lmmap.pipeline.run import images
 from lmmap.pipeline.weights import (
     DOMAIN_GAPS,
     FILTERS,

@@ -5,6 +5,7 @@ import pytest
 from strategies import CAMERA, PORT, pose
 
 from lmmap import PrintedEstimator
+from lmmap.estimation.images import timed_images
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_z
@@ -12,7 +13,6 @@ from lmmap.pipeline.circle import paper_poses
 from lmmap.pipeline.ellipse import paper_ransac
 from lmmap.pipeline.printed import Assumptions
 from lmmap.pipeline.ring import skeleton_points
-from lmmap.pipeline.run import timed_images
 from lmmap.pipeline.yaw import paper_yaw
 from lmmap.settings import PAPER
 from lmmap.types import EVENT, Pose, Recording, Status

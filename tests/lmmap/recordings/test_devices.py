@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lmmap.pipeline.run import newest_images
+from lmmap.estimation.images import newest_images
 from lmmap.recordings import devices
 from lmmap.recordings.stream import Source, Stream
 from lmmap.settings import OURS

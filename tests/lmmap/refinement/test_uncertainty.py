@@ -97,19 +97,6 @@ def test_head_on_the_tilt_is_unknown_and_says_so():
     assert rms_deg[0] > 3 > 0.5 > rms_deg[1]
 
 
-@given(visible_poses(), visible_poses())
-def test_the_charts_error_is_zero_for_the_same_circle_only(a, b):
-    np.testing.assert_allclose(uncertainty.chart_error(a, a, NU, CAMERA), 0, atol=1e-7)
-    if np.linalg.norm(a.position_m - b.position_m) > 0.05:
-        assert np.linalg.norm(uncertainty.chart_error(a, b, NU, CAMERA)) > 1e-3
-
-
-def test_the_other_branch_has_the_same_chart():
-    T = pose((200, 110), 0.6, 0.5, 0.7)
-    pair = circle.poses(conics.circle_ellipse(T, NU, CAMERA), CAMERA, NU)
-    np.testing.assert_allclose(uncertainty.chart_error(pair[0], pair[1], NU, CAMERA), 0, atol=1e-7)
-
-
 def test_misuse_is_named():
     T = pose((172.5, 129.5), 0.6, 0.3)
     points = conics.circle_ellipse(T, NU, CAMERA).points(50)

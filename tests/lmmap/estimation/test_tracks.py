@@ -5,8 +5,8 @@ import pytest
 from strategies import cut
 from test_tracker import STEP_US, Scene, of_the_push, pushed
 
-from lmmap.pipeline.run import TimedImage
-from lmmap.tracking.recorded import track_between, track_images
+from lmmap.estimation.images import TimedImage
+from lmmap.estimation.tracks import track_between, track_images
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import EVENT, Status
 

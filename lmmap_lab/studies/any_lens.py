@@ -14,13 +14,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ..geometry.projection import project
-from ..settings import OURS, Settings
-from ..types import Camera, Ellipse, Estimate, Port, Pose
-from .estimator import Estimator
-from .image_estimator import Mask
-from .local_search import contrast
-from .network import SATURATION
+from lmmap.geometry.projection import project
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.image_estimator import Mask
+from lmmap.pipeline.local_search import contrast
+from lmmap.pipeline.network import SATURATION
+from lmmap.settings import OURS, Settings
+from lmmap.types import Camera, Ellipse, Estimate, Port, Pose
 
 WIDTHS_PX = (122, 173, 245, 346, 489, 692, 979)  # of the looks: by the square root of 2 about the DAVIS's
 MAX_ENLARGEMENT = 1.2  # of a picture: more would only blur it

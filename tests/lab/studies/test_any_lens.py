@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lmmap.geometry.conics import circle_ellipse
-from lmmap.pipeline.any_lens import Look, best_look, looks, marker_scores, markers_px
 from lmmap.pipeline.weights import load_networks
 from lmmap.types import Camera, Port, Pose
+from lmmap_lab.studies.any_lens import Look, best_look, looks, marker_scores, markers_px
 
 PORT = Port.lm_map()
 FACING = np.diag([1.0, -1.0, -1.0])

@@ -1,26 +1,19 @@
-"""From a recording or a device to images in order, and from images to estimates; of both cameras merged."""
+"""From a recording or a device to images in order: frames, or histograms of its events."""
 
 from __future__ import annotations
 
-import heapq
 import math
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
-from itertools import repeat
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
+from ..pipeline.histograms import window_histograms
+from ..pipeline.image_estimator import settings_for
 from ..settings import OURS, Settings
-from ..types import EVENT, AnyRecording, Estimate, InputError, Pose, concatenate_events
-from . import agreement
-from .crops import AT_ONCE, workers
-from .estimator import Estimator
-from .histograms import window_histograms, windows_at, windows_of
-from .image_estimator import settings_for
+from ..types import EVENT, AnyRecording, concatenate_events
+from .windows import windows_at, windows_of
 
 
 class TimedImage(NamedTuple):
@@ -126,61 +119,3 @@ def newest_images(
         first, *wider = window_histograms(recent, count, device.size_px, before_us)
         yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
         before_us = first[0]
-
-
-def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
-    """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
-    and of the image whose pose it is."""
-    estimate = estimator(timed.image, timed.t_us)
-    if timed.wider and agreement.needs_more_events(estimate, estimator.settings):
-        t_us, image = timed.wider
-        estimate = estimator.together([estimate, estimator(image, t_us)])
-        if estimate.t_us == t_us:
-            return image, estimate
-    return timed.image, estimate
-
-
-def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterator[tuple]:
-    """Yield ``(image, estimate)`` for each `TimedImage`, in their order, as `each_image` does."""
-    return each_image(timed, partial(estimate_image, estimator))
-
-
-def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], object]) -> Iterator:
-    """Yield a function's value of each `TimedImage`, in their order; two are worked on at a time.
-
-    On two cores that is faster than two threads on one image, because the numpy half runs on one thread.  An
-    `InputError` among the images is raised after the values of those before it.
-    """
-    waiting, end, timed = deque(), None, iter(timed)
-    with workers(torch.get_num_threads()) as pool:
-        while waiting or not end:
-            try:
-                while not end and len(waiting) <= AT_ONCE:
-                    waiting.append(pool.submit(function, next(timed)))
-            except (StopIteration, InputError) as reason:
-                end = reason
-            if waiting:
-                yield waiting.popleft().result()
-    if isinstance(end, InputError):
-        raise end
-
-
-def estimate(
-    recording: AnyRecording, estimator: Estimator, rate_hz: float | None = None
-) -> Iterator[Estimate]:
-    """Estimates of a whole recording, in the order of time."""
-    timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
-    return (estimate for _, estimate in estimate_images(timed, estimator))
-
-
-def merge_by_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
-    """``(modality, estimate)`` in the order of time, of modalities whose own estimates are in that order."""
-    named = [zip(repeat(modality), own) for modality, own in estimates.items()]
-    return heapq.merge(*named, key=lambda pair: pair[1].t_us)
-
-
-def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
-    """The estimates whose time the truth covers, and the true poses then."""
-    span = recording.truth.t_us
-    known = [e for e in estimates if span[0] <= e.t_us <= span[-1]]
-    return known, recording.truth.at(np.array([e.t_us for e in known], np.int64))

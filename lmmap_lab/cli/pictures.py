@@ -7,14 +7,15 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..drawing.overlay import draw
-from ..files import atomic, check_output
-from ..pipeline.any_lens import best_look, looks, markers_px
-from ..pipeline.weights import DOMAIN_GAPS, load_networks
-from ..recordings.pdf import pictures as read_pictures
-from ..settings import OURS
-from ..types import InputError, Port
-from .choices import MODALITIES
+from lmmap.cli.choices import MODALITIES
+from lmmap.drawing.overlay import draw
+from lmmap.files import atomic, check_output
+from lmmap.pipeline.weights import DOMAIN_GAPS, load_networks
+from lmmap.settings import OURS
+from lmmap.types import InputError, Port
+
+from ..studies.any_lens import best_look, looks, markers_px
+from ..studies.pdf import pictures as read_pictures
 
 HEADER = (
     f"{'picture':26} {'camera':6} {'filters':8} {'look (px)':>9}  {'status':10} {'contrast':>8} "

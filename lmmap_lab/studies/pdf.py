@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import regular_file
-from ..types import InputError
-from .images import decode, pictures_in, read_image
-from .stream import input_errors
+from lmmap.files import regular_file
+from lmmap.recordings.images import decode, pictures_in, read_image
+from lmmap.recordings.stream import input_errors
+from lmmap.types import InputError
 
 MAX_PDF_BYTES = 2**28
 MAX_PICTURES = 1000

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from strategies import off
 
+from lmmap.estimation.estimates import estimate, estimate_image, estimate_images
+from lmmap.estimation.images import TimedImage, images, timed_images
+from lmmap.evaluation.pose_errors import true_poses
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project
@@ -16,15 +19,6 @@ from lmmap.pipeline import agreement, circle
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import markers_box_px, reflector_mask
 from lmmap.pipeline.network import MaskNetwork
-from lmmap.pipeline.run import (
-    TimedImage,
-    estimate,
-    estimate_image,
-    estimate_images,
-    images,
-    timed_images,
-    true_poses,
-)
 from lmmap.settings import OURS, PAPER, PerCamera
 from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
 

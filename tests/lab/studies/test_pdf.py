@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lmmap.recordings.pdf import pictures
 from lmmap.types import InputError
+from lmmap_lab.studies.pdf import pictures
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ..pipeline.run import TimedImage
+from ..tracking.tracker import Tracker
 from ..types import EVENT, Estimate
-from .tracker import Tracker
+from .images import TimedImage
 
 
 def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tuple[np.ndarray, Estimate]]:

@@ -1,0 +1,70 @@
+"""A stream of events, cut into windows whatever its chunks."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ..pipeline.histograms import check_count, windows_before
+from ..settings import PAPER
+from ..types import EVENT, concatenate_events
+
+LONG_GAP_S = 10.0  # without an event: longer, and it is named
+
+
+def windows_of(
+    chunks: Iterable[np.ndarray], count: int = PAPER.events_per_window, times: int = 1
+) -> Iterator[np.ndarray]:
+    """`histograms.windows` of a stream, whatever the chunks: yields exactly ``count`` events at a time, and
+    before them those that came before, up to ``times`` as many in all."""
+    check_count(count)
+    recent, seen = np.zeros(0, EVENT), 0
+    for chunk in chunks:
+        recent = concatenate_events([recent, chunk]) if len(recent) else chunk
+        for stop in range(seen + count, len(recent) + 1, count):
+            yield recent[max(0, stop - times * count) : stop]
+            seen = stop
+        old = max(0, seen - (times - 1) * count)
+        recent, seen = recent[old:], seen - old
+
+
+def windows_at(
+    chunks: Iterable[np.ndarray], rate_hz: float, count: int = PAPER.events_per_window, times: int = 1
+) -> Iterator[np.ndarray]:
+    """`histograms.windows_before` of a stream at ticks of ``rate_hz`` between its first and last event, and
+    before their events those that came before, up to ``times`` as many in all.
+
+    A tick without a new event since the one before has no window of its own and is passed over, so that a
+    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.
+    """
+    check_count(count)
+    recent, tick, first_us, warned = np.zeros(0, EVENT), 1, None, False
+    for chunk in chunks:
+        if not len(chunk):
+            continue
+        first_us = int(chunk["t_us"][0]) if first_us is None else first_us
+        recent = concatenate_events([recent, chunk])
+        last_us = recent["t_us"][-1]
+        while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
+            (window,) = windows_before(recent, [tick_us], count)
+            if window is not None:
+                yield recent[max(0, window.stop - times * count) : window.stop]
+            tick += 1
+            next_us = int(recent["t_us"][np.searchsorted(recent["t_us"], tick_us)])
+            tick = _first_tick_after(next_us - first_us, tick, rate_hz)
+            if next_us - tick_us > 1e6 * LONG_GAP_S and not warned:
+                warned = True
+                warnings.warn(f"no events for {(next_us - tick_us) * 1e-6:.0f} s after {tick_us} us; "
+                              "going on behind the gap", stacklevel=2)  # fmt: skip
+        # a coming tick is no earlier than the last event
+        recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - times * count) :]
+
+
+def _first_tick_after(elapsed_us: int, tick: int, rate_hz: float) -> int:
+    """The first tick, not before ``tick``, that is later than a time after the first event."""
+    tick = max(tick, int(elapsed_us * rate_hz / 1e6) - 1)
+    while int(tick * 1e6 / rate_hz) <= elapsed_us:
+        tick += 1
+    return tick
