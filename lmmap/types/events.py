@@ -44,7 +44,7 @@ def event_array(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.
         raise ValueError("events: a value is not finite")
     if max(-t0, t1) * (1e6 if seconds else 1) + abs(offset_us) > MAX_TIME_US:
         raise ValueError("events: a time does not fit 64 bit of microseconds")
-    if np.min(spans) < COORDINATE.min or np.max(spans) > COORDINATE.max:
+    if min(map(min, spans)) < COORDINATE.min or max(map(max, spans)) > COORDINATE.max:
         raise ValueError("events: a coordinate does not fit 16 bit")
     signed = p0 < 0
     if p0 < -1 or p1 > 1 or (p.dtype.kind not in "bu" and not np.all((p == 1) | (p == -int(signed)))):
