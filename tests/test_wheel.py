@@ -147,9 +147,9 @@ def thin(site, tmp_path_factory):
     """The wheel without the laboratory, where its own dependencies are and no other package."""
     folder = tmp_path_factory.mktemp("thin") / "site"
     shutil.copytree(site, folder, ignore=shutil.ignore_patterns("lmmap_lab"))
-    needed = _closure(metadata.PathDistribution(next(folder.glob("lmmap-*.dist-info"))).requires)
+    needed = {"lmmap"} | _closure(metadata.PathDistribution(next(folder.glob("lmmap-*.dist-info"))).requires)
     owners = metadata.packages_distributions().items()
-    refused = {name for name, owned in owners if needed.isdisjoint(map(canonicalize_name, owned))} - {"lmmap"}
+    refused = {name for name, owned in owners if needed.isdisjoint(map(canonicalize_name, owned))}
     assert {"joblib", "matplotlib", "IPython"} <= refused and not {"numpy", "torch", "pandas"} & refused
     (folder / "sitecustomize.py").write_text(NO_OTHERS.format(names=refused))
     return folder
