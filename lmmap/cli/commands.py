@@ -56,12 +56,10 @@ class Commands:
             epilog=EXAMPLES,
             formatter_class=_Listing,
         )
-        self.parser.add_argument(
-            "--version", action=_Version, nargs=0, help="print the version of lmmap and exit"
-        )
-        self._commands = self.parser.add_subparsers(
-            title=OWN, dest="command", required=True, metavar="COMMAND"
-        )
+        text = "print the version of lmmap and exit"
+        self.parser.add_argument("--version", action=_Version, nargs=0, help=text)
+        named = {"title": OWN, "dest": "command", "metavar": "COMMAND"}
+        self._commands = self.parser.add_subparsers(required=True, **named)
 
     def add(self, name: str, run: str, text: str, examples: str = "", **options) -> argparse.ArgumentParser:
         """A subcommand whose work is done by ``run``, a function named as ``module:function``."""
@@ -75,9 +73,12 @@ class Commands:
         return command
 
     def add_installed(self) -> None:
-        """Add the subcommands of other packages; one that cannot be imported says so when it is run."""
+        """Add other packages' subcommands, unless one of ours has that name; what cannot be imported says so
+        when it is run."""
         self._heading = OTHERS
         for name, add in plugins.entry_points(plugins.COMMANDS).items():
+            if name in self._commands.choices:
+                continue
             try:
                 plugins.call(name, add, self)
             except plugins.NotInstalled as reason:
@@ -99,19 +100,10 @@ class Commands:
 
     def add_recording(self, command, nargs=None) -> None:
         """Add the arguments that open a recording of any format."""
-        self.add_file(
-            command,
-            "recording",
-            nargs=nargs,
-            metavar=None,
-            help="AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images",
-        )
-        self.add_file(
-            command,
-            "--camera",
-            help="calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
-            "such as evk4:8mm",
-        )
-        command.add_argument(
-            "--fps", type=float, metavar="HZ", help="pictures a second, of a folder without timestamps.txt"
-        )
+        text = "AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images"
+        self.add_file(command, "recording", nargs=nargs, metavar=None, help=text)
+        text = ("calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
+                "such as evk4:8mm")  # fmt: skip
+        self.add_file(command, "--camera", help=text)
+        text = "pictures a second, of a folder without timestamps.txt"
+        command.add_argument("--fps", type=float, metavar="HZ", help=text)

@@ -48,8 +48,9 @@ def estimate(a) -> None:
             with Bar(stream, a.modality) as bar:
                 for image, e in answers:
                     journal.add(e)
-                    if views:
-                        mask = None if image is None else _estimator_of(image, estimators).ring_mask(image)
+                    mask = None
+                    if views and image is not None:
+                        mask = estimators["rgb" if image.ndim == 3 else "event"].ring_mask(image)
                     for view in views:
                         view.add(image, e, mask)
                     if image is None and a.between:
@@ -131,11 +132,6 @@ def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Jo
     for _, e in _estimate_rest(stream, estimator, rate_hz, journal):
         journal.add(e)
         yield round_trip(e)
-
-
-def _estimator_of(image, estimators: dict):
-    """The estimator of a frame's or a histogram's camera."""
-    return estimators["rgb" if image.ndim == 3 else "event"]
 
 
 def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journal:

@@ -70,14 +70,12 @@ def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimat
 
 def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, pd.DataFrame]:
     """Errors (`error_table.errors`) of the modalities with data that the truth covers."""
-    asked = [a.modality] if a.modality else list(estimates)
+    asked, data = ([a.modality], f"{a.modality} data") if a.modality else (list(estimates), "data")
     tables = {m: error_table.errors(stream, estimates.get(m, []), port) for m in asked}
     tables = {m: table for m, table in tables.items() if len(table)}
     if not tables:
-        what, remedy = (
-            (f"{a.modality} data", "try the other") if a.modality else ("data", "check the truth's times")
-        )
-        raise InputError(f"{a.recording}: holds no {what} that its truth covers; {remedy}")
+        remedy = "try the other" if a.modality else "check the truth's times"
+        raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
     if missing := [m for m in asked if m not in tables]:
         text = f"{a.recording}: holds no {' and no '.join(missing)} data that its truth covers"
         warnings.warn(text, stacklevel=2)

@@ -22,14 +22,14 @@ def entry_points(group: str) -> dict[str, str]:
 
     Their files are read here: to import `importlib.metadata` takes as long as all the rest of ``--help``.
     """
-    found = {}
-    for folder in filter(os.path.isdir, sys.path):
-        for name in sorted(n for n in os.listdir(folder) if n.endswith(".dist-info")):
-            with (
-                suppress(OSError, UnicodeDecodeError),
-                open(f"{folder}/{name}/entry_points.txt", "rb") as file,
-            ):
-                found = _entries(file.read().decode(), group) | found  # of two installations the first counts
+    places, found = {}, {}
+    for folder in sys.path:
+        _, names, _ = next(os.walk(folder), ("", [], []))  # none of what is no folder, or is not readable
+        for name in (name for name in names if name.endswith(".dist-info")):  # the first of a package counts
+            places.setdefault(name.partition("-")[0].lower(), os.path.join(folder, name, "entry_points.txt"))
+    for path in places.values():
+        with suppress(OSError, ValueError), open(path, encoding="utf-8") as file:
+            found |= _entries(file.read(), group)
     return dict(sorted(found.items()))
 
 
@@ -45,15 +45,19 @@ def call(what: str, function: str, *arguments):
     Raises
     ------
     NotInstalled
-        Where it is another package's, and something that it imports is missing; ``what`` needs it.
+        Where it is another package's, and it or something that it imports is missing; ``what`` needs it.
     """
     module, _, name = function.partition(":")
     try:
-        return getattr(importlib.import_module(module), name)(*arguments)
+        found = getattr(importlib.import_module(module), name, None)
+        if found is not None:
+            return found(*arguments)
+        missing = function  # of another version, whose entry point is still there
     except ModuleNotFoundError as error:
         if module.startswith("lmmap.") or "." in error.name:  # a mistake of ours
             raise
-        raise NotInstalled(f"{what}: needs {error.name}, which is not installed; {INSTALL}") from None
+        missing = error.name
+    raise NotInstalled(f"{what}: needs {missing}, which is not installed; {INSTALL}")
 
 
 def refuse(a) -> None:

@@ -36,7 +36,9 @@ greet = elsewhere:main
 
 [lmmap.commands]
 greet = other_words:greet
+info = other_words:greet
 mute = absent_words:mute
+old = other_words:former
 
 [lmmap.truths]
 still = other_words:still
@@ -79,15 +81,16 @@ def test_a_command_of_another_package_is_a_command(other, capsys):
         main.main(["--help"])
     ours, theirs = capsys.readouterr().out.split("\ncommands of the laboratory")
     assert "  estimate " in ours and "greet" not in ours and "  greet " in theirs and "say hello" in theirs
+    assert "  info " in ours and "  info " not in theirs
     assert main.main(["completion", "bash"]) == 0 and "greet" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("line", ["mute", "mute --loud -o x.csv y", "mute --help", "lack"])
+@pytest.mark.parametrize("line", ["mute", "mute --loud -o x.csv y", "mute --help", "lack", "old -x"])
 def test_what_is_not_installed_is_one_line(other, capsys, line):
     name = line.split()[0]
     assert main.main(line.split()) == 1
     out, err = capsys.readouterr()
-    package = {"mute": "absent_words", "lack": "absent_package"}[name]
+    package = {"mute": "absent_words", "lack": "absent_package", "old": "other_words:former"}[name]
     assert out == ""
     assert err == f"lmmap: {name}: needs {package}, which is not installed; {plugins.INSTALL}\n"
 
