@@ -24,7 +24,7 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram, middle_us
 from lmmap.settings import OURS
-from lmmap.tracking.outliers import is_certain
+from lmmap.tracking.within_limits import is_certain
 from lmmap.types import Estimate
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, save_table

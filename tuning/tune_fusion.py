@@ -33,7 +33,7 @@ from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
 from lmmap.settings import MODALITIES, OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
-from lmmap.tracking.outliers import is_certain
+from lmmap.tracking.within_limits import is_certain
 from lmmap.types import Port, Status
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import write_recording

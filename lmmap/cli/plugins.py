@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import importlib
-import os
-import sys
-from contextlib import suppress
+from importlib import metadata
 
 from ..files import InputError
 
@@ -18,25 +16,8 @@ class NotInstalled(InputError):
 
 
 def entry_points(group: str) -> dict[str, str]:
-    """``module:function`` by name of each entry point of a group, among all packages that are installed.
-
-    Their files are read here: to import `importlib.metadata` takes as long as all the rest of ``--help``.
-    """
-    places, found = {}, {}
-    for folder in sys.path:
-        _, names, _ = next(os.walk(folder), ("", [], []))  # none of what is no folder, or is not readable
-        for name in (name for name in names if name.endswith(".dist-info")):  # the first of a package counts
-            places.setdefault(name.partition("-")[0].lower(), os.path.join(folder, name, "entry_points.txt"))
-    for path in places.values():
-        with suppress(OSError, ValueError), open(path, encoding="utf-8") as file:
-            found |= _entries(file.read(), group)
-    return dict(sorted(found.items()))
-
-
-def _entries(text: str, group: str) -> dict[str, str]:
-    section = f"\n{text}".partition(f"\n[{group}]\n")[2].partition("\n[")[0]
-    lines = (line.partition("=") for line in section.splitlines() if "=" in line)
-    return {name.strip(): value.strip() for name, _, value in lines}
+    """``module:function`` by name of each entry point of a group, among all packages that are installed."""
+    return {point.name: point.value for point in sorted(metadata.entry_points(group=group))}
 
 
 def call(what: str, function: str, *arguments):

@@ -10,7 +10,8 @@ import pandas as pd
 from ..geometry.port import in_view
 from ..recordings.pose_files import stack_poses
 from ..settings import OURS, Settings
-from ..tracking.outliers import is_certain, outlier_filter, sigmas
+from ..tracking.outliers import outlier_filter
+from ..tracking.within_limits import is_certain, sigmas
 from ..types import Estimate, Port, Pose, Recording
 from .pose_errors import normal_error_rad, pose_difference, position_error_m, rotation_error_rad, true_poses
 

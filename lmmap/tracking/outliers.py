@@ -1,4 +1,4 @@
-"""Which estimates to believe: by their neighbours (the paper's outlier filter), or by their covariance."""
+"""The paper's outlier filter: an estimate is believed if its neighbours bear it out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.rotations import rotation_between_rad
-from ..settings import OURS, PAPER, PaperSettings, Settings
+from ..settings import PAPER, PaperSettings
 from ..types import Estimate
 
 
@@ -33,19 +33,3 @@ def outlier_filter(
         keep[: back + 1] = False
         keep[back + 1 :] &= close[: len(close) - back]
     return keep
-
-
-def sigmas(estimate: Estimate) -> tuple[float, float]:
-    """Standard deviations of the position (m) and of the normal (rad), each along its worst direction."""
-    C, n = estimate.covariance, estimate.T_cam_port.normal
-    across = np.eye(3) - np.outer(n, n)
-    worst = [np.linalg.eigvalsh(block)[-1] for block in (C[:3, :3], across @ C[3:, 3:] @ across)]
-    return tuple(float(np.sqrt(max(w, 0))) for w in worst)
-
-
-def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
-    """Which estimates promise to be right, shape (N,) bool: ``certain_sigmas`` times their `sigmas` are
-    within the errors ``right_position_m`` and ``right_normal_rad``."""
-    sure, limits = settings.certain_sigmas, (settings.right_position_m, settings.right_normal_rad)
-    return np.array([e.T_cam_port is not None and np.all(sure * np.array(sigmas(e)) <= limits)
-                     for e in estimates], bool)  # fmt: skip

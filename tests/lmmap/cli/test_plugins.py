@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
-from importlib import metadata
 
 import pytest
 from library_files import write_recording
@@ -55,23 +54,6 @@ def other(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
     sys.modules.pop("other_words", None)
-
-
-def test_entry_points_are_those_of_the_standard_library(other):
-    for group in ("console_scripts", "lmmap.commands", "lmmap.truths", "no.such.group"):
-        expected = {}
-        for point in metadata.entry_points(group=group):
-            expected.setdefault(point.name, point.value)
-        assert plugins.entry_points(group) == expected
-    assert plugins.entry_points("lmmap.commands")["greet"] == "other_words:greet"
-
-
-def test_of_two_installations_the_first_counts(other, tmp_path, monkeypatch):
-    (tmp_path / "front" / "other-2.0.dist-info").mkdir(parents=True)
-    text = "[lmmap.commands]\ngreet=newer:greet"
-    (tmp_path / "front" / "other-2.0.dist-info" / "entry_points.txt").write_text(text)
-    monkeypatch.syspath_prepend(tmp_path / "front")
-    assert plugins.entry_points("lmmap.commands")["greet"] == "newer:greet"
 
 
 def test_a_command_of_another_package_is_a_command(other, capsys):

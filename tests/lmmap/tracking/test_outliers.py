@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from strategies import PORT
 
 from lmmap.geometry.rotations import rotation_z
-from lmmap.settings import OURS
-from lmmap.tracking.outliers import is_certain, outlier_filter
+from lmmap.tracking.outliers import outlier_filter
 from lmmap.types import Estimate, Pose, Status
 
 PERIOD = PORT.yaw_period_rad
@@ -57,13 +56,3 @@ def test_the_filter_is_the_papers_sentence(yaws_deg):
         last = yaws_deg[max(k - 2, 0) : k + 1]
         whole = len(last) == 3 and None not in last
         assert kept == (whole and close(last[0], last[1]) and close(last[1], last[2]))
-
-
-def test_certain_is_what_promises_to_be_right_in_95_of_100():
-    """Standard deviations of position and normal at, and just over, the error that one may dock with."""
-    T, promised = Pose(np.eye(3), np.ones(3)), []
-    for position, turn in ((1, 1), (1.01, 0.1), (0.1, 1.01)):
-        limits = [position * OURS.right_position_m] * 3 + [turn * OURS.right_normal_rad] * 2
-        S = np.diag([*limits, 9.0]) / 1.9601  # yaw does not count
-        promised.append(Estimate(0, Status.OK, T, covariance=S**2))
-    assert is_certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]

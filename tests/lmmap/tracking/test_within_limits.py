@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from strategies import pose, seeds
 
 from lmmap.settings import OURS
-from lmmap.tracking.within_limits import probability_within_limits
-from lmmap.types import Estimate, Status
+from lmmap.tracking.within_limits import is_certain, probability_within_limits
+from lmmap.types import Estimate, Pose, Status
 
 T = pose((200, 110), 0.6, 0.4, 0.7)
 
@@ -53,3 +53,13 @@ def test_the_probability_within_limits_is_that_of_drawn_errors_and_not_overstate
     assert promised <= within.mean() + 0.03
     if promised > 0.8:
         assert promised >= within.mean() - 0.1
+
+
+def test_certain_is_what_promises_to_be_right_in_95_of_100():
+    """Standard deviations of position and normal at, and just over, the error that one may dock with."""
+    head_on, promised = Pose(np.eye(3), np.ones(3)), []
+    for position, turn in ((1, 1), (1.01, 0.1), (0.1, 1.01)):
+        limits = [position * OURS.right_position_m] * 3 + [turn * OURS.right_normal_rad] * 2
+        S = np.diag([*limits, 9.0]) / 1.9601  # yaw does not count
+        promised.append(Estimate(0, Status.OK, head_on, covariance=S**2))
+    assert is_certain([*promised, Estimate(0, Status.NO_RING)]).tolist() == [True, False, False, False]
