@@ -78,10 +78,7 @@ LATER = ("judged once", "further tuning")  # sets of the default networks alone
 WEIGHTS = {place: (OURS.weights,) if place.endswith(LATER) else ("low", OURS.weights) for place in SETS}
 CELLS = [(place, m, w) for place in SETS for m in ("rgb", "event") for w in WEIGHTS[place]]
 EVERY_POSE = replace(OURS, min_confidence=PerCamera(0.0, 0.0))
-ESTIMATORS = {
-    "every pose": EVERY_POSE,
-    "confident poses": OURS,
-}
+ESTIMATORS = {"every pose": EVERY_POSE, "confident poses": OURS}
 
 
 class Look(NamedTuple):

@@ -26,15 +26,7 @@ from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.types import InputError, Port, Trajectory
 from lmmap_lab.bench import simulate
-from lmmap_lab.provenance import (
-    DERIVED_DATA,
-    ROOT,
-    commit,
-    fingerprint,
-    profile,
-    save_table,
-    source_files,
-)
+from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table, source_files
 from lmmap_lab.studies import odometry, odometry_files, sequence_files
 from lmmap_lab.training.dataset import BENCH
 

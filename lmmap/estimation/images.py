@@ -30,10 +30,7 @@ class TimedImage(NamedTuple):
 
 
 def timed_images(
-    recording: AnyRecording,
-    modality: str,
-    settings: Settings | None = None,
-    rate_hz: float | None = None,
+    recording: AnyRecording, modality: str, settings: Settings | None = None, rate_hz: float | None = None
 ) -> Iterator[TimedImage]:
     """The images of a recording in the order of time, read as the recording streams.
 

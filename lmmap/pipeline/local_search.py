@@ -11,13 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..geometry.conic_fit import (
-    five_point_conics,
-    normalise,
-    sampson_distance,
-    sampson_fit,
-    to_pixels,
-)
+from ..geometry.conic_fit import five_point_conics, normalise, sampson_distance, sampson_fit, to_pixels
 from ..geometry.conics import conic_matrix, ellipse_from_conic
 from ..geometry.projection import distort_points
 from ..settings import OURS, Settings
@@ -31,11 +25,7 @@ CONTOUR_POINTS = 36
 
 
 def fit_local(
-    points_px,
-    mask,
-    rng: np.random.Generator,
-    camera: Camera,
-    settings: Settings = OURS,
+    points_px, mask, rng: np.random.Generator, camera: Camera, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
     """Ellipse of highest `contrast` through points of one neighbourhood, and the points on it.
 

@@ -11,13 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..geometry.markers import (
-    check_yaw_step,
-    corners_m,
-    marker_points_m,
-    polar_template,
-    template_spectrum,
-)
+from ..geometry.markers import check_yaw_step, corners_m, marker_points_m, polar_template, template_spectrum
 from ..geometry.rotations import rotation_z
 from ..geometry.sampling import project_points, sample
 from ..settings import OURS, PAPER, PaperSettings, Settings

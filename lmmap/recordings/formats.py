@@ -13,17 +13,7 @@ from pathlib import Path
 
 from ..files import CAMERA, beside, regular_file
 from ..types import Camera, InputError, Recording
-from . import (
-    aedat4,
-    event_stream,
-    hdf5,
-    images,
-    prophesee,
-    rosbag,
-    rosbag2,
-    sensors,
-    tables,
-)
+from . import aedat4, event_stream, hdf5, images, prophesee, rosbag, rosbag2, sensors, tables
 from .bounded_bag2 import METADATA
 from .limits import check_times
 from .pose_files import read_truth

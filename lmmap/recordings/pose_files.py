@@ -15,17 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
-from .columns import (
-    CERTAINTY,
-    COLUMNS,
-    COVARIANCE,
-    ELLIPSE,
-    OUTSIDE,
-    POSE,
-    PREFIXES,
-    SCORES,
-    UPPER,
-)
+from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
 
 

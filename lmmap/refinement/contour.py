@@ -12,12 +12,7 @@ import cv2
 import numpy as np
 
 from ..geometry.conic_fit import normalise, sampson_distance, sampson_fit, to_pixels
-from ..geometry.conics import (
-    conic_coefficients,
-    conic_from_ellipse,
-    conic_matrix,
-    ellipse_from_conic,
-)
+from ..geometry.conics import conic_coefficients, conic_from_ellipse, conic_matrix, ellipse_from_conic
 from ..geometry.projection import distort_points
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse

@@ -71,8 +71,7 @@ def _register() -> None:
         plt.switch_backend(matplotlib.get_backend())  # now, or its own formatter would come after ours
         formatters = shell.display_formatter.formatters
         formatters["image/png"].for_type(
-            plt.Figure,
-            lambda fig: print_figure(fig, "png", base64=True, metadata=_metadata(fig)),
+            plt.Figure, lambda fig: print_figure(fig, "png", base64=True, metadata=_metadata(fig))
         )
         formatters["text/html"].for_type(Styler, tables.to_html)
         formatters["text/plain"].for_type(

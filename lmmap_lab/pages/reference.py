@@ -18,15 +18,7 @@ import pandas as pd
 
 from lmmap.types import InputError
 
-from ..provenance import (
-    DATA,
-    DERIVED_DATA,
-    ROOT,
-    load_json,
-    page_fingerprint,
-    profile,
-    save_json,
-)
+from ..provenance import DATA, DERIVED_DATA, ROOT, load_json, page_fingerprint, profile, save_json
 from .inventory import inventory
 
 RELATIVE = 0.02  # of a number; of a series, whose quartiles one of fifty images can move, its middle half too

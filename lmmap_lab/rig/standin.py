@@ -18,16 +18,7 @@ from lmmap.files import atomic
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
 from lmmap.recordings.rig import Rig
-from lmmap.types import (
-    EVENT,
-    Camera,
-    Estimate,
-    InputError,
-    Pose,
-    Recording,
-    Status,
-    Trajectory,
-)
+from lmmap.types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 
 from ..bench import rosbag_writer, sequences
 from ..bench.laboratory import sequence, sequence_motion

@@ -10,18 +10,7 @@ import pandas as pd
 
 from .claims_of_limits import claims_of_limits
 from .table1 import LIGHTS
-from .verdicts import (
-    COLUMNS,
-    ESTIMATORS,
-    FAILS,
-    HOLDS,
-    PARTLY,
-    UNTESTED,
-    other_results,
-    row,
-    short,
-    verdict,
-)
+from .verdicts import COLUMNS, ESTIMATORS, FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, short, verdict
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 ALIKE = 1.6  # the widest ratio of medians between cells that the paper calls similar

@@ -32,10 +32,7 @@ MEASURED = {  # each rung keeps what the one before it changed
     "exact circle": "the exact pose of the circle, not the printed formula",
     "ring and markers": "both refined together and on the image, which judges yaw; 2 N events where N fail",
 }
-TRACKED = {
-    "confident": "a pose only where it is probably right",
-    "fused": "both cameras in one filter",
-}
+TRACKED = {"confident": "a pose only where it is probably right", "fused": "both cameras in one filter"}
 RUNGS = MEASURED | TRACKED
 EXACT, PRINTED = slice(0, 2), slice(2, 4)  # of `circle.candidates`
 ALL_POSES = {"every pose": ("", None, "kept")}

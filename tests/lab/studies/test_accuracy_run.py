@@ -8,17 +8,7 @@ import pytest
 from strategies import facing_pose
 
 from lmmap.recordings.pose_files import write_estimates
-from lmmap.types import (
-    Camera,
-    Ellipse,
-    Estimate,
-    InputError,
-    Port,
-    Pose,
-    Recording,
-    Status,
-    Trajectory,
-)
+from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
 from lmmap_lab import provenance
 from lmmap_lab.studies import accuracy_run, ladder, sequence_files
 from lmmap_lab.studies.archive import pack, unpack

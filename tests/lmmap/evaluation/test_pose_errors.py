@@ -26,10 +26,7 @@ def test_errors_do_not_depend_on_the_camera_frame(T, R, shift):
 @given(rigid_poses(), rotations())
 def test_the_rotation_error_is_no_smaller_than_the_normals(T, R):
     other = Pose(R, T.position_m)
-    normal, rotation = (
-        normal_error_rad(T, other),
-        rotation_error_rad(T, other, PERIOD),
-    )
+    normal, rotation = (normal_error_rad(T, other), rotation_error_rad(T, other, PERIOD))
     assert rotation >= normal - 1e-7
 
 

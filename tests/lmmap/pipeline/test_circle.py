@@ -133,8 +133,7 @@ def test_a_radius_must_be_positive(solve, radius):
 
 @both
 @pytest.mark.parametrize(
-    "ellipse",
-    [Ellipse([np.nan, 1], [2, 1], 0), Ellipse([1, 1], [2, 0], 0), Ellipse([1, 1], [2, 1], np.nan)],
+    "ellipse", [Ellipse([np.nan, 1], [2, 1], 0), Ellipse([1, 1], [2, 0], 0), Ellipse([1, 1], [2, 1], np.nan)]
 )
 def test_an_ellipse_must_be_one(solve, ellipse):
     with pytest.raises(ValueError, match="ellipse"):

@@ -14,13 +14,7 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project, undistort_points
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.rescale import (
-    ellipse_in,
-    enlarged_cameras,
-    network_camera,
-    resample,
-    trained_range_m,
-)
+from lmmap.pipeline.rescale import ellipse_in, enlarged_cameras, network_camera, resample, trained_range_m
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Camera, Status
 
