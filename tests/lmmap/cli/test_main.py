@@ -20,7 +20,7 @@ from test_bad_input import write_camera
 from lmmap import settings
 from lmmap.cli import arguments, choices, main, progress
 from lmmap.cli.commands import OWN
-from lmmap.estimation import estimates as pipeline
+from lmmap.estimation.images import timed_images
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
@@ -106,8 +106,8 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
 
 def test_what_was_looked_at_twice_is_gone_on_with_too(tmp_path, capsys, monkeypatch):
     """With an estimator that fails on every other histogram of N events, and not on wider ones."""
-    estimated, shots = Estimator.__call__, pipeline.images(open_recording(MINI), "event", rate_hz=10)
-    first_us = {t_us for t_us, _ in shots}
+    estimated, shots = Estimator.__call__, timed_images(open_recording(MINI), "event", rate_hz=10)
+    first_us = {shot.t_us for shot in shots}
 
     def seldom(self, image, t_us=0):
         if image.sum() > self.settings.events_per_window or t_us % 2:
@@ -379,7 +379,7 @@ def test_choices_are_those_of_the_modules_that_own_them():
 def test_every_command_names_a_function_that_exists():
     parsers = arguments.parser()._subparsers._group_actions[0].choices
     functions = [parser.get_default("run").split(":") for parser in parsers.values() if parser.heading == OWN]
-    assert len(functions) == 7 and all(module.startswith("lmmap.cli.") for module, _ in functions)
+    assert len(functions) == 6 and all(module.startswith("lmmap.cli.") for module, _ in functions)
     assert all(callable(getattr(importlib.import_module(module), name)) for module, name in functions)
 
 
