@@ -21,12 +21,12 @@ import pandas as pd
 
 from lmmap.files import has_mark, write_text
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.weights import set_hashes
 from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.bench import laboratory
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table, source_files
 from lmmap_lab.studies import accuracy_run, sequence_files, tracks
 from lmmap_lab.studies.archive import pack, unpack
+from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.table1 import LIGHTS
 
 TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0

@@ -30,12 +30,12 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import outside_training
-from lmmap.pipeline.weights import set_hashes
 from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, Ellipse, Port, Pose, Recording, Trajectory
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.networks import set_hashes
 
 SEQUENCES = [f"realistic-{n}" for n in range(2101, 2146)]  # fifteen of each light
 SECONDS, FRAME_HZ, EACH = 0.5, 10, 10  # length, frames a second, and most images of each camera from it

@@ -27,10 +27,11 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.weights import load_card, load_network, set_hashes, shipped_gaps, weight_path
+from lmmap.pipeline.weights import load_card, load_network, shipped_gaps, weight_path
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
 from lmmap_lab.provenance import DATA, DERIVED_DATA, load_table, save_table
+from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.training import augment, train
 from lmmap_lab.training.mask_quality import iou
 from lmmap_lab.training.recipe import Recipe

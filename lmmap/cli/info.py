@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import warnings
 
-from ..pipeline.rescale import trained_range_m, warn_of_lens
+from ..pipeline.rescale import is_short, trained_range_m
 from ..recordings import sensors
 from ..recordings.formats import format_name
 from ..recordings.health import health
@@ -53,11 +52,8 @@ def _lens(camera: Camera | None, port: Port) -> dict:
     it is as long as in the training."""
     if camera is None:
         return {"focal_px": None}
-    with warnings.catch_warnings(record=True) as notes:
-        warnings.simplefilter("always")
-        warn_of_lens(camera, port)
     near_far_m = [round(m, 3) for m in trained_range_m(camera, port)]
-    return {"focal_px": camera.fx_px, "port_known_at_m": near_far_m, "lens_in_range": not notes}
+    return {"focal_px": camera.fx_px, "port_known_at_m": near_far_m, "lens_in_range": not is_short(camera)}
 
 
 def _text(name: str, value) -> str:

@@ -23,14 +23,6 @@ def rotation_angle_rad(rotation) -> np.ndarray:
     return np.arctan2(np.linalg.norm(skew, axis=-1), np.trace(R, axis1=-2, axis2=-1) - 1)
 
 
-def rotation_vector(R) -> np.ndarray:
-    """Rotation vectors (..., 3) of matrices (..., 3, 3): axis times angle; zero at exactly half a turn."""
-    sine = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]] / 2
-    length = np.linalg.norm(sine, axis=-1)
-    angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
-    return sine * (angle / np.maximum(length, 1e-12))[..., None]
-
-
 def single_rotation_matrix(vector) -> np.ndarray:
     """The rotation matrix (3, 3) of one rotation vector (3,), by Rodrigues' formula.
 

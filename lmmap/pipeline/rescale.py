@@ -31,7 +31,7 @@ def enlarged_cameras(camera: Camera, modality: str, settings: Settings = OURS) -
     """Cameras of further looks at a histogram whose lens is too short for the networks, up to their focal
     length.  Frames are enlarged at once."""
     limit_px = settings.focal_slack * settings.trained_focal_px
-    short = modality == "event" and camera.fx_px * settings.focal_slack < settings.trained_focal_px
+    short = modality == "event" and is_short(camera, settings)
     factors = [f for f in settings.enlarged_looks if f * camera.fx_px <= limit_px] if short else []
     return [camera.at_focal(f * camera.fx_px) for f in factors]
 
@@ -44,9 +44,14 @@ def trained_range_m(camera: Camera, port: Port, settings: Settings = OURS) -> tu
     return focal_px * port.ring_radius_m / large_px, focal_px * port.ring_radius_m / small_px
 
 
+def is_short(camera: Camera, settings: Settings = OURS) -> bool:
+    """Whether the lens's focal length is too short in pixels for the networks."""
+    return camera.fx_px * settings.focal_slack < settings.trained_focal_px
+
+
 def warn_of_lens(camera: Camera, port: Port, settings: Settings = OURS) -> None:
-    """One warning where the lens's focal length is too short in pixels for the networks."""
-    if camera.fx_px * settings.focal_slack < settings.trained_focal_px:
+    """One warning where `is_short` of the lens."""
+    if is_short(camera, settings):
         near_m, far_m = trained_range_m(camera, port, settings)
         warnings.warn(
             f"lens of {camera.fx_px:.0f} px: shorter than in the training; the networks know the ring from "

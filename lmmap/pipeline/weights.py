@@ -54,12 +54,6 @@ def shipped_gaps() -> list[str]:
     return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
 
 
-def set_hashes(domain_gap: str) -> str:
-    """The networks of a shipped set, as a table's provenance names them (``networks``)."""
-    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in CHANNELS]
-    return " ".join(load_card(path)["sha256"][:12] for path in paths)
-
-
 def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
     """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
     path = Path(path)

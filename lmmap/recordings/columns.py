@@ -66,11 +66,3 @@ TABLE = (
     *_pose("doubtful_", "not to be used: its confidence is too low, and the status is unsure"),
 )
 COLUMNS = [name for columns in TABLE for name in columns.names]
-
-
-def table_rows() -> list[tuple[str, str, str, str]]:
-    """Rows ``(columns, unit, frame, meaning)`` for a page; of many columns the first and the last."""
-    return [
-        (", ".join(names) if len(names) < 6 else f"{names[0]} … {names[-1]}", unit, frame, meaning)
-        for names, unit, frame, meaning in TABLE
-    ]

@@ -41,24 +41,14 @@ def health(recording: Recording | Stream) -> dict:
     duration_s = float(high_us - low_us) * 1e-6 if high_us is not None else 0.0
     window = scaled_count((width, height))
     return {
-        "events": events,
-        "frames": len(frames_t_us),
-        "width_px": width,
-        "height_px": height,
-        "duration_s": duration_s,
-        "event_rate_hz": events / duration_s if duration_s else 0.0,
-        "frame_rate_hz": _rate_hz(frames_t_us),
-        "on_fraction": on / events if events else 0.0,
-        "largest_gap_ms": float(largest_us) * 1e-3,
-        "gaps_over_10_ms": int(gaps),
-        "backward_steps": int(backward),
-        "frames_backward": int(np.sum(np.diff(frames_t_us) < 0)),
-        "out_of_range": events - within,
-        "hot_pixels": _hot_pixels(count.reshape(height, width)),
-        "suggested_window": window,
-        "windows": events // window,
-        "truth": recording.truth is not None,
-    }
+        "events": events, "frames": len(frames_t_us), "width_px": width, "height_px": height,
+        "duration_s": duration_s, "event_rate_hz": events / duration_s if duration_s else 0.0,
+        "frame_rate_hz": _rate_hz(frames_t_us), "on_fraction": on / events if events else 0.0,
+        "largest_gap_ms": float(largest_us) * 1e-3, "gaps_over_10_ms": int(gaps),
+        "backward_steps": int(backward), "frames_backward": int(np.sum(np.diff(frames_t_us) < 0)),
+        "out_of_range": events - within, "hot_pixels": _hot_pixels(count.reshape(height, width)),
+        "suggested_window": window, "windows": events // window, "truth": recording.truth is not None,
+    }  # fmt: skip
 
 
 def _size_px(stream: Stream) -> tuple[int, int]:

@@ -26,7 +26,7 @@ import numpy as np
 from ..geometry.rotations import equal_turns
 from ..settings import OURS, MotionSettings, Settings
 from ..types import Estimate, Status, check_number, check_time
-from .gate import Match, match
+from .gate import match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
 
@@ -58,7 +58,6 @@ class Fusion:
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
         self._turns = equal_turns(yaw_period_rad)
         self._statuses: dict[str, Status] = {}
-        self._matched: tuple[MotionState | None, Estimate | None, Match | None] = None, None, None
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
         """Take the estimates of one time, one of each camera that has an image then.
@@ -89,7 +88,7 @@ class Fusion:
         information, vector, taken = np.zeros((6, 6)), np.zeros(6), {}
         belief, contradicting = self.belief, {}
         for camera, e in seen.items():
-            close = self._match(track, e)
+            close = match(track, e, self._turns, self.motion.gate)
             if close is None or close.is_rival:
                 contradicting[camera] = e
             else:
@@ -106,7 +105,8 @@ class Fusion:
     def fits(self, e: Estimate) -> bool:
         """Whether there is a track, and the estimate or its rival keeps the gate about it."""
         track = self.predict(e.t_us)
-        return track is not None and e.T_cam_port is not None and self._match(track, e) is not None
+        both = track is not None and e.T_cam_port is not None
+        return both and match(track, e, self._turns, self.motion.gate) is not None
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost."""
@@ -140,12 +140,6 @@ class Fusion:
         if max(others) > self.belief:
             camera = list(contradicting)[int(np.argmax(others))]
             self._begin(camera, contradicting[camera], max(others))
-
-    def _match(self, track: MotionState, e: Estimate) -> Match | None:
-        """As `gate.match`, which is asked once for each estimate."""
-        if self._matched[0] is not track or self._matched[1] is not e:
-            self._matched = track, e, match(track, e, self._turns, self.motion.gate)
-        return self._matched[2]
 
     def _repetition(self, camera: str, t_us: int) -> float:
         """1 for a camera's first estimate."""

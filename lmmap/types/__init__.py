@@ -18,21 +18,7 @@ from .pose import Pose, Trajectory
 from .recording import AnyRecording, Recording
 
 __all__ = [
-    "EVENT",
-    "AnyRecording",
-    "Camera",
-    "Ellipse",
-    "Estimate",
-    "InputError",
-    "Port",
-    "Pose",
-    "Recording",
-    "Status",
-    "Trajectory",
-    "check_number",
-    "check_time",
-    "concatenate_events",
-    "event_array",
-    "frozen_array",
-    "on_sensor",
-]
+    "EVENT", "AnyRecording", "Camera", "Ellipse", "Estimate", "InputError", "Port", "Pose", "Recording",
+    "Status", "Trajectory", "check_number", "check_time", "concatenate_events", "event_array",
+    "frozen_array", "on_sensor",
+]  # fmt: skip

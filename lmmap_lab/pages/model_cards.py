@@ -12,11 +12,12 @@ import pandas as pd
 from lmmap.estimation.images import images
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.rescale import trained_range_m
-from lmmap.pipeline.weights import FILTERS, load_card, load_network, set_hashes, weight_path
+from lmmap.pipeline.weights import FILTERS, load_card, load_network, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording
 
 from ..provenance import DATA
+from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import filters_page
 from .drawings import COLOUR

@@ -9,6 +9,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
+from lmmap.recordings.columns import TABLE
+
 STATISTICS = ("median", "in_fov", "rmse", "all")
 WORDS = {  # what a table calls a metric and its statistic
     ("position_error_m", "median"): "position (mm)",
@@ -114,3 +116,11 @@ def to_html(styled) -> str:
 def to_text(styled) -> str:
     """Values of a styled table in letters of one width, for print."""
     return styled.data.to_string(index=not any(styled.hide_index_))
+
+
+def estimate_columns() -> list[tuple[str, str, str, str]]:
+    """Rows ``(columns, unit, frame, meaning)`` for a page; of many columns the first and the last."""
+    return [
+        (", ".join(names) if len(names) < 6 else f"{names[0]} … {names[-1]}", unit, frame, meaning)
+        for names, unit, frame, meaning in TABLE
+    ]

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from lmmap.geometry.rotations import equal_turns, rotation_angle_rad, rotation_vector
+from lmmap.geometry.rotations import equal_turns, rotation_angle_rad
 from lmmap.types import Pose, frozen_array
 
 from .hand_eye_starts import SIGMA_M, SIGMA_RAD, starting_points
@@ -185,3 +185,11 @@ def _jackknife(problem: _Problem, x, free, count: int):
     fits = np.array(fits)
     spread = np.sum((fits - fits.mean(0)) ** 2, 0)
     return np.sqrt((BLOCKS - 1) / BLOCKS * spread), errors_m, errors_rad
+
+
+def rotation_vector(R) -> np.ndarray:
+    """Rotation vectors (..., 3) of matrices (..., 3, 3): axis times angle; zero at exactly half a turn."""
+    sine = (R - np.swapaxes(R, -1, -2))[..., [2, 0, 1], [1, 2, 0]] / 2
+    length = np.linalg.norm(sine, axis=-1)
+    angle = np.arctan2(length, (np.trace(R, axis1=-2, axis2=-1) - 1) / 2)
+    return sine * (angle / np.maximum(length, 1e-12))[..., None]

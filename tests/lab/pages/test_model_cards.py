@@ -6,12 +6,13 @@ import json
 import pytest
 
 from lmmap.pipeline.ring import binarise
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, set_hashes, weight_path
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
 from lmmap.recordings.formats import FORMATS, open_recording
 from lmmap.settings import OURS
 from lmmap_lab.bench.labels import label_masks
 from lmmap_lab.pages import model_cards
 from lmmap_lab.provenance import DATA
+from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.training.mask_quality import iou
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lmmap.recordings.columns import TABLE
 from lmmap.types import Status
 from lmmap_lab.pages import tables
 
@@ -47,3 +48,10 @@ def test_a_styled_table_has_the_same_bytes_each_time_and_identifiers_of_its_own(
 
 def test_every_status_has_its_words():
     assert set(tables.ANSWERS) == {str(status) for status in Status}
+
+
+def test_a_table_for_people_names_every_group():
+    rows = tables.estimate_columns()
+    assert len(rows) == len(TABLE)
+    assert rows[0][:3] == ("t_us", "us", "the recording's clock")
+    assert "cov_x_x … cov_rz_rz" in [row[0] for row in rows]

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from strategies import PORT
 
@@ -14,6 +16,12 @@ from lmmap_lab.rig.calibration import calibrate_rig, collect_detections
 from lmmap_lab.rig.ur5e import ArmMotion
 
 PERIOD = PORT.yaw_period_rad
+
+
+@given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))
+def test_rotation_vectors_are_what_made_the_rotation(vector):
+    R = Rotation.from_rotvec(vector).as_matrix()
+    np.testing.assert_allclose(hand_eye.rotation_vector(R), vector, atol=1e-6)
 
 
 def world(X: Pose, Y: Pose, name="realistic-1", seconds=30.0, count=60, delay_s=0.0):

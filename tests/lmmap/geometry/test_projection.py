@@ -8,7 +8,7 @@ from strategies import CAMERA, PORT, WIDE, ellipses, pose, rotations, visible_po
 
 from lmmap.geometry import conics, projection
 from lmmap.geometry.port import circle_points_m, ideal_masks, in_view, on_plane
-from lmmap.geometry.rotations import rotation_angle_rad, rotation_between_rad, rotation_vector, rotation_z
+from lmmap.geometry.rotations import rotation_angle_rad, rotation_between_rad, rotation_z
 from lmmap.types import Ellipse, Pose
 
 pixels = st.tuples(st.floats(0, 345), st.floats(0, 259)).map(np.array)
@@ -82,12 +82,6 @@ def test_undistorted_pixels_project_without_distortion(point, depth):
 @given(rotations())
 def test_rotation_angles_are_scipys(R):
     np.testing.assert_allclose(rotation_angle_rad(R), Rotation.from_matrix(R).magnitude(), atol=1e-7)
-
-
-@given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))
-def test_rotation_vectors_are_what_made_the_rotation(vector):
-    R = Rotation.from_rotvec(vector).as_matrix()
-    np.testing.assert_allclose(rotation_vector(R), vector, atol=1e-6)
 
 
 @given(rotations(), st.integers(-3, 3), st.floats(-1, 1))

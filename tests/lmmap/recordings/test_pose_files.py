@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lmmap.recordings.columns import COLUMNS, PREFIXES, TABLE, table_rows
+from lmmap.recordings.columns import COLUMNS, PREFIXES, TABLE
 from lmmap.recordings.pose_files import (
     read_estimates,
     read_trajectory,
@@ -157,10 +157,3 @@ def test_every_column_has_its_unit_and_meaning():
             assert all(name.endswith(suffixes[unit]) for name in names)
         if set(names) & {"x_m", "qx", "ring_x_m", "cov_x_x"}:
             assert frame == "camera"
-
-
-def test_a_table_for_people_names_every_group():
-    rows = table_rows()
-    assert len(rows) == len(TABLE)
-    assert rows[0][:3] == ("t_us", "us", "the recording's clock")
-    assert "cov_x_x … cov_rz_rz" in [row[0] for row in rows]
