@@ -44,9 +44,7 @@ def regular_file(path, max_bytes: int | None = None) -> Path:
         kind = "a folder" if stat.S_ISDIR(facts.st_mode) else "a device or a pipe"
         raise InputError(f"{path}: is {kind}, not a file; name a file on a disk")
     if max_bytes is not None and facts.st_size > max_bytes:
-        raise InputError(
-            f"{path}: has {facts.st_size} bytes, and at most {max_bytes} are read; name the right file"
-        )
+        raise InputError(f"{path}: has {facts.st_size} bytes, more than {max_bytes}; name the right file")
     return path
 
 
@@ -162,9 +160,7 @@ def lock(path) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(descriptor)
-            raise InputError(
-                f"{path}: another process writes this file; wait for it, or give another name"
-            ) from None
+            raise InputError(f"{path}: another process writes it; wait, or give another name") from None
         with suppress(OSError):
             if os.path.samestat(os.fstat(descriptor), os.stat(name)):
                 break

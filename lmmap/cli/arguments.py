@@ -69,9 +69,7 @@ def _estimate(commands: Commands) -> None:
     text = "overlay to write, .mp4 or .avi; takes two or three times as long"
     commands.add_file(command, "--video", help=text)
     commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
-    command.add_argument(
-        "--track", action="store_true", help="look only where earlier images predict the port"
-    )
+    command.add_argument("--track", action="store_true", help="look where earlier images predict the port")
     _add_between(command, "with --track")
     command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")

@@ -56,7 +56,5 @@ def _view(a, camera: Camera) -> Overlay | RerunLog:
     }  # fmt: skip
     view = Overlay(a.output, port, camera, made_of, a.resume)
     if view.video.folder.exists() and not (a.resume or a.overwrite):
-        raise InputError(
-            f"{view.video.folder}: holds an interrupted video; go on with --resume, or give --overwrite"
-        )
+        raise InputError(f"{view.video.folder}: holds an interrupted video; give --resume, or --overwrite")
     return view

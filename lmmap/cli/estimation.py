@@ -80,9 +80,7 @@ def _check(a) -> None:
             raise InputError("--between: a track is followed between its images; give --track as well")
         check_between(a)
         if a.format == "tum":
-            raise InputError(
-                f"{a.output}: TUM's format cannot mark poses between images; give a name in .csv"
-            )
+            raise InputError(f"{a.output}: TUM's format cannot mark poses between images; name it .csv")
     parts = [_part(a, m) for m in MODALITIES] if a.modality == "fused" and not a.track else []
     for path in (a.output, *parts):
         check_output(path, input_files(a), overwrite=a.overwrite or a.resume)

@@ -47,28 +47,16 @@ class Video:
         check_folder_of(path)
         self.path, self.kept = path, 0
         self._made_of, self._resume = made_of, resume
+        self.goes_on = made_of is not None  # an error leaves segments to go on with
+        self.folder = path.with_name(path.name + ".parts")  # of the segments
+        self._begun = self.folder / f"begun{path.suffix}" if self.goes_on else path
         self._writer, self._pictures = None, 0
         self._held = ExitStack()
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether an error leaves segments to go on with."""
-        return self._made_of is not None
-
-    @property
-    def folder(self) -> Path:
-        """Where the segments are."""
-        return self.path.with_name(self.path.name + ".parts")
 
     @property
     def _segments(self) -> list[Path]:
         """Segments that are whole, named by their first picture and their number of pictures."""
         return sorted(self.folder.glob("[0-9]*-[0-9]*.*"))
-
-    @property
-    def _begun(self) -> Path:
-        """The file that is being written."""
-        return self.folder / f"begun{self.path.suffix}" if self.goes_on else self.path
 
     def add(self, picture: np.ndarray, rate_hz: float) -> None:
         """Write the next picture (H, W, 3) u8 RGB; the first one sets size and rate."""

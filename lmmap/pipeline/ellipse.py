@@ -120,7 +120,7 @@ def _finite(points_px):
     points = np.asarray(points_px, float).reshape(-1, 2)
     if not np.all(np.isfinite(points)):
         raise ValueError(
-            f"points_px: expected (M, 2) finite values, got {np.sum(~np.isfinite(points))} that are not"
+            f"points_px: expected (M, 2) finite values, got {np.sum(~np.isfinite(points))} others"
         )
     return points
 

@@ -18,9 +18,8 @@ def check_image(image, modality: str, camera: Camera) -> None:
     The order of the channels cannot be seen: images that OpenCV reads are BGR, and have to be turned.
     """
     shape = camera.size_px[::-1]
-    expected = (
-        f"(H, W, 3) = {(*shape, 3)} uint8 RGB" if modality == "rgb" else f"(H, W) = {shape} event counts"
-    )
+    kinds = {"rgb": f"(H, W, 3) = {(*shape, 3)} uint8 RGB", "event": f"(H, W) = {shape} event counts"}
+    expected = kinds[modality]
     if not isinstance(image, np.ndarray):
         raise ValueError(f"image: expected a numpy array {expected}, got {type(image).__name__}")
     got = f"image: expected {expected}, got {image.shape} {image.dtype}"
@@ -36,10 +35,8 @@ def check_image(image, modality: str, camera: Camera) -> None:
         channels = image.shape[2] if image.ndim == 3 else image.ndim
         raise ValueError(f"{got}; {REMEDIES.get(channels, 'give three channels')}")
     if image.dtype != np.uint8:
-        remedy = (
-            "scale 0 to 1 by np.uint8(np.round(255 * image))" if image.dtype.kind == "f" else "give uint8"
-        )
-        raise ValueError(f"{got}; {remedy}")
+        scale = "scale 0 to 1 by np.uint8(np.round(255 * image))"
+        raise ValueError(f"{got}; {scale if image.dtype.kind == 'f' else 'give uint8'}")
 
 
 def as_camera(camera: AnyCamera) -> Camera:
@@ -49,7 +46,5 @@ def as_camera(camera: AnyCamera) -> Camera:
     if isinstance(camera, str | Path):
         return Camera.load(camera)
     if not isinstance(camera, Camera):
-        raise ValueError(
-            f"camera: expected a Camera or the path of a calibration, got {type(camera).__name__}"
-        )
+        raise ValueError(f"camera: expected a Camera or a calibration's path, got {type(camera).__name__}")
     return camera

@@ -9,6 +9,7 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -47,7 +48,7 @@ class FilterNet(nn.Module):
         super().__init__()
         a, b, c = WIDTHS
         self.down = nn.ModuleList(
-            [nn.Conv2d(i, o, KERNEL, padding=1) for i, o in ((channels, a), (a, b), (b, c))]
+            [nn.Conv2d(i, o, KERNEL, padding=1) for i, o in pairwise((channels, a, b, c))]
         )
         up = dict(kernel_size=KERNEL, stride=2, padding=1, output_padding=1)
         self.up = nn.ModuleList([nn.ConvTranspose2d(i, o, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))])
@@ -127,9 +128,7 @@ class MaskNetwork:
     def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
         self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
         if self.precision not in PRECISIONS:
-            raise ValueError(
-                f"MaskNetwork: precision is 'auto' or one of {list(PRECISIONS)}, got {precision!r}"
-            )
+            raise ValueError(f"MaskNetwork: precision is 'auto' or of {list(PRECISIONS)}, got {precision!r}")
         self._dtype = PRECISIONS[self.precision]
         self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
 

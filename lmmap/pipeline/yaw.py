@@ -191,9 +191,7 @@ def _peak(criterion, correlation, folded, template, step_rad: float):
 def _check(mask, T_cam_port: Pose, camera: Camera):
     mask = np.ascontiguousarray(mask, np.float32)
     if mask.shape != (camera.height_px, camera.width_px):
-        raise ValueError(
-            f"reflector_mask: expected shape {(camera.height_px, camera.width_px)}, got {mask.shape}"
-        )
+        raise ValueError(f"reflector_mask: expected shape {camera.size_px[::-1]}, got {mask.shape}")
     if T_cam_port.position_m.shape != (2, 3):
         raise ValueError(f"T_cam_port: expected two poses, got shape {T_cam_port.position_m.shape[:-1]}")
     return mask

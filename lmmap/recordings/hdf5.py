@@ -17,7 +17,7 @@ from .stream import CHUNK, Source, pieces, reader
 
 
 @reader(
-    "not a recording in HDF5", "give a file as DSEC's or MVSEC's, or copy it again", (KeyError, RuntimeError)
+    "not a recording in HDF5", "give one as DSEC's or MVSEC's, or copy it again", (RuntimeError, KeyError)
 )
 def read(path: Path) -> Source:
     """Size where the file says it (else None); raises `InputError`.

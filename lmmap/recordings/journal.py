@@ -65,9 +65,7 @@ class Journal:
             check_mark(self.path, self.mark, self._made_of)
         whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
-            raise InputError(
-                f"{self.path}: has other columns than estimates of this version; leave --resume out"
-            )
+            raise InputError(f"{self.path}: has other columns than this version's; leave --resume out")
         try:
             text = content[:whole].decode()
         except UnicodeDecodeError:

@@ -45,9 +45,7 @@ def nominal(name: str, focal_mm: float) -> Camera:
     key = ALIASES.get(name.lower(), name.lower())
     if key not in SENSORS or not 0.1 < focal_mm < 1000:
         known = ", ".join((*SENSORS, *ALIASES))
-        raise InputError(
-            f"{name}:{focal_mm:g}mm: not a sensor and its lens; give one of {known}, as evk4:8mm"
-        )
+        raise InputError(f"{name}:{focal_mm:g}mm: no sensor and lens; give one of {known}, as evk4:8mm")
     sensor = SENSORS[key]
     (width, height), f_px = sensor.size_px, focal_mm * 1000 / sensor.pitch_um
     return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)

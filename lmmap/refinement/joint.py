@@ -78,16 +78,12 @@ def refine(
         w = np.concatenate([np.ones(len(r_ring)), weight])
         normal_matrix = (J.T * w) @ J
         scale = np.sqrt(np.maximum(normal_matrix.diagonal(), 1e-12))
-        step = np.linalg.solve(
-            normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7), (J.T @ (w * r)) / scale
-        )
-        step = step / scale
+        scaled = normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)
+        step = np.linalg.solve(scaled, (J.T @ (w * r)) / scale) / scale
         T = move(T, -step[:6])
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
-    inverse = np.linalg.inv(normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)) / np.outer(
-        scale, scale
-    )
+    inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     sane = np.all(np.isfinite(T.position_m)) and T.normal @ T_cam_port.normal > 0.9
     return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
 

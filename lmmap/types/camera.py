@@ -35,9 +35,7 @@ class Camera:
         if min(values[:4]) <= 0:
             raise ValueError(f"Camera: sizes and focal lengths must be positive, got {values[:4]}")
         if self.distortion_model not in MODELS:
-            raise ValueError(
-                f"Camera: distortion_model is one of {list(MODELS)}, got {self.distortion_model!r}"
-            )
+            raise ValueError(f"Camera: distortion_model is one of {[*MODELS]}, got {self.distortion_model!r}")
         if len(self.distortion) not in (0, *MODELS[self.distortion_model]):
             raise ValueError(
                 f"Camera: {self.distortion_model} has {MODELS[self.distortion_model]} coefficients, "

@@ -33,9 +33,7 @@ def event_array(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.
     """
     t, x, y, p = (np.asarray(a) for a in (t, x, y, p))
     if not t.shape == x.shape == y.shape == p.shape or t.ndim != 1:
-        raise ValueError(
-            f"events: expected columns of one length, got {t.shape}, {x.shape}, {y.shape}, {p.shape}"
-        )
+        raise ValueError(f"events: expected columns of one length, got {[a.shape for a in (t, x, y, p)]}")
     events = np.zeros(len(t), EVENT)
     if not len(t):
         return events
