@@ -1,8 +1,10 @@
 """The command line: what a user types, what it answers, and what bad input gets."""
 
 import csv
+import functools
 import importlib
 import io
+import itertools
 import json
 import os
 import re
@@ -25,6 +27,7 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.recordings import devices
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
@@ -256,8 +259,12 @@ def test_live_plays_a_recording_in_its_own_time(tmp_path, capsys):
     assert code == 0 and " ms late" in out and "\033" not in out + err
 
 
-def test_live_tells_poses_between_histograms(tmp_path, capsys):
-    """Each answer is of the newest events; an image's also says what it shows alone."""
+def test_live_tells_poses_between_histograms(tmp_path, capsys, monkeypatch):
+    """Each answer is of the newest events; an image's also says what it shows alone.  Time goes on by the
+    device's calls, not by the machine's load."""
+    ticks = itertools.count()
+    clock = functools.partial(devices.Played, clock=lambda: 0.001 * next(ticks))
+    monkeypatch.setattr(devices, "Played", clock)
     argv = ("live", MINI, "--modality", "event", "--between", "100", "--json", "-o", tmp_path / "p.csv")
     code, out, err = run(capsys, *argv)
     lines = [json.loads(line) for line in out.splitlines()]
