@@ -20,7 +20,6 @@ from lmmap_sources import sources
 from PIL import Image
 from sphinx.addnodes import pending_xref
 
-from lmmap.shipped import PACKAGE
 from lmmap_lab.provenance import ROOT, page_fingerprint
 
 BINDER = "https://mybinder.org/v2/git/ADDRESS/HEAD"
@@ -132,13 +131,13 @@ def describe_figures(app, doctree) -> None:
 def source_line(names: set[str]) -> nodes.paragraph:
     """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
     line = nodes.paragraph(classes=["made-of"])
-    ours = sorted(name for name in names if name.startswith("lmmap."))
+    ours = sorted(name for name in names if name.startswith(("lmmap.", "lmmap_lab.")))
     for word, group in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
         for name in group:
             line += nodes.Text(word)
-            shown = nodes.literal(text=name.removeprefix("lmmap."))
+            shown = nodes.literal(text=name.removeprefix("lmmap.").removeprefix("lmmap_lab."))
             link = {"refdomain": "py", "reftype": "obj", "reftarget": name}
-            line += pending_xref("", shown, **link) if name.startswith("lmmap.") else shown
+            line += pending_xref("", shown, **link) if name in ours else shown
             word = ", "
     return line
 
@@ -158,30 +157,37 @@ def link_binder(app, doctree) -> None:
 def list_modules(app, docname, source) -> None:
     """Where a page says ``% modules``, document the wing that the page is named after.
 
-    The page ``api`` documents the modules outside the wings, and links to the pages of the wings.
+    The pages ``api`` and ``api/lab`` document the modules outside the wings of a package, and link to the
+    pages of the wings, which are in a folder of the same name.
     """
     if "\n% modules\n" in source[0]:
-        name = Path(docname).name
-        text = _package() if name == "api" else _wing(name)
+        page = Path(docname).relative_to("book")
+        overviews = {Path("api"): "lmmap", Path("api/lab"): "lmmap_lab"}
+        text = (
+            _package(overviews[page], page.name)
+            if page in overviews
+            else _wing(overviews[page.parent], page.name)
+        )
         source[0] = source[0].replace("\n% modules\n", "\n" + text)
 
 
-def _package() -> str:
+def _package(package: str, folder: str) -> str:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
-    layers = settings["contracts"][0]["layers"][::-1]  # lowest first
-    names = [name for layer in layers for name in re.findall(r"\w+", layer)]
-    wings = [f"- {{doc}}`api/{name}`" for name in names if (PACKAGE / name).is_dir()]
-    modules = [_module(name) for name in names if not (PACKAGE / name).is_dir()]
+    layers = next(c["layers"] for c in settings["contracts"] if c.get("containers") == [package])[::-1]
+    names = [name for layer in layers for name in re.findall(r"\w+", layer)]  # lowest first
+    wings = [f"- {{doc}}`{folder}/{name}`" for name in names if (ROOT / package / name).is_dir()]
+    modules = [_module(package, name) for name in names if not (ROOT / package / name).is_dir()]
     return "\n".join(["## Wings, lowest first", "", *wings, "", *modules])
 
 
-def _wing(name: str) -> str:
-    modules = sorted(path.stem for path in (PACKAGE / name).glob("[!_]*.py"))
-    return "\n".join([_automodule(f"lmmap.{name}", ""), *(_module(f"{name}.{m}") for m in modules)])
+def _wing(package: str, name: str) -> str:
+    modules = sorted(path.stem for path in (ROOT / package / name).glob("[!_]*.py"))
+    own = _automodule(f"{package}.{name}", "")
+    return "\n".join([own, *(_module(package, f"{name}.{module}") for module in modules)])
 
 
-def _module(name: str) -> str:
-    return f"## `lmmap.{name}`\n\n{_automodule(f'lmmap.{name}')}"
+def _module(package: str, name: str) -> str:
+    return f"## `{package}.{name}`\n\n{_automodule(f'{package}.{name}')}"
 
 
 def _automodule(name: str, members: str = "   :members:\n") -> str:
