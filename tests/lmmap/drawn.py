@@ -1,9 +1,13 @@
 """Frames, events and recordings of the port, drawn from its geometry alone: what the shipped networks see."""
 
+import atexit
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
+from library_files import write_recording
 from strategies import CAMERA, PORT, moved, pose
 
 from lmmap.geometry.port import ideal_masks
@@ -11,9 +15,9 @@ from lmmap.settings import PAPER
 from lmmap.types import EVENT, Camera, Pose, Recording, Trajectory
 
 DARK, BLUR_PX = 0.05, 0.6
-STEP_US = 50_000  # from one frame to the next
+STEP_US = 50_000  # from one frame to the next, unless a recording is to take longer
 START = pose((180, 120), 0.6, 0.5, 0.8, 0.3)
-VELOCITY = np.array([0.10, 0.06, -0.08, 0.1, -0.15, 0.2])  # m/s and rad/s
+STEP = np.array([0.005, 0.003, -0.004, 0.005, -0.0075, 0.01])  # in m and rad, from frame to frame
 
 
 def light(T: Pose, camera: Camera = CAMERA) -> np.ndarray:
@@ -42,17 +46,22 @@ def events(poses, times_us, count: int, rng, camera: Camera = CAMERA) -> np.ndar
     return np.concatenate(pieces)
 
 
-def true_pose(t_us: int) -> Pose:
-    return moved(START, 1e-6 * t_us * VELOCITY)
-
-
 @cache
-def recording(frames: int = 12, seed: int = 0) -> Recording:
+def recording(frames: int = 12, step_us: int = STEP_US) -> Recording:
     """A port that drifts past the DAVIS, and its truth; between two frames there is one window of events."""
-    rng, steps = np.random.default_rng(seed), 2 * (frames - 1)
-    times_us = STEP_US // 2 * np.arange(steps + 1)
-    poses = [true_pose(t) for t in times_us]
+    rng, halves = np.random.default_rng(0), np.arange(2 * frames - 1)
+    times_us, poses = step_us // 2 * halves, [moved(START, k / 2 * STEP) for k in halves]
     e = events(poses, times_us, PAPER.events_per_window // 2, rng)
     pictures = np.array([frame(T, rng) for T in poses[::2]])
     together = Pose(np.stack([T.rotation for T in poses]), np.stack([T.position_m for T in poses]))
     return Recording("drawn", CAMERA, e, pictures, times_us[::2], Trajectory(times_us, together))
+
+
+@cache
+def file(frames: int = 12, step_us: int = STEP_US) -> Path:
+    """The recording as AEDAT4 beside its camera and truth, until this process ends."""
+    folder = TemporaryDirectory(prefix="drawn-")
+    atexit.register(folder.cleanup)
+    path = Path(folder.name) / "drawn.aedat4"
+    write_recording(recording(frames, step_us), path)
+    return path

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import drawn
 import numpy as np
 import pytest
 from library_files import write_recording
@@ -17,10 +18,10 @@ from library_files import write_recording
 from lmmap.cli import main
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.recordings.formats import READERS, open_recording
-from lmmap.shipped import DATA, ROOT
+from lmmap.shipped import ROOT
 from lmmap.types import EVENT, Camera, Recording
 
-MINI = DATA / "mini" / "test-low.aedat4"
+DRAWN, LONGER = drawn.file(6), drawn.file()
 BEFORE = "what was there before\n"
 
 
@@ -86,7 +87,7 @@ def test_wrong_format_under_a_right_name(refused, tmp_path, small, suffix):
 
 
 def test_truncated_at_twenty_places(refused, tmp_path):
-    whole = MINI.read_bytes()
+    whole = DRAWN.read_bytes()
     for k in range(20):
         cut = tmp_path / "cut.aedat4"
         cut.write_bytes(whole[: k * len(whole) // 20])
@@ -123,37 +124,37 @@ def test_zero_events(refused, tmp_path, small):
 def test_nan_in_the_calibration(refused, tmp_path):
     values = json.loads(write_camera(tmp_path, width_px=346, height_px=260).read_text())
     (tmp_path / "nan.json").write_text(json.dumps(values | {"fx_px": float("nan")}))
-    assert "nan.json" in refused(MINI, "--camera", tmp_path / "nan.json")
+    assert "nan.json" in refused(DRAWN, "--camera", tmp_path / "nan.json")
 
 
 def test_calibrations_that_are_none(refused, tmp_path):
     for name, content in (("a.yaml", "a: [1, 2"), ("b.json", "[]"), ("c.yaml", "image_width: 346")):
         (tmp_path / name).write_text(content)
-        assert name in refused(MINI, "--camera", tmp_path / name)
-        assert name in refused(MINI, "--port", tmp_path / name)
+        assert name in refused(DRAWN, "--camera", tmp_path / name)
+        assert name in refused(DRAWN, "--port", tmp_path / name)
 
 
 def test_camera_of_another_size(refused, tmp_path):
-    assert "346 x 260 px, but" in refused(MINI, "--camera", write_camera(tmp_path))
+    assert "346 x 260 px, but" in refused(DRAWN, "--camera", write_camera(tmp_path))
 
 
 def test_settings_that_are_none(refused):
-    assert "--rate" in refused(MINI, "--rate", "-3")
-    assert "--events" in refused(MINI, "--events", "0")
-    assert "weights" in refused(MINI, "--weights", "nowhere")
-    assert "video" in refused(MINI, "--video", "film.gif")
+    assert "--rate" in refused(DRAWN, "--rate", "-3")
+    assert "--events" in refused(DRAWN, "--events", "0")
+    assert "weights" in refused(DRAWN, "--weights", "nowhere")
+    assert "video" in refused(DRAWN, "--video", "film.gif")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
 def test_disk_full(refused):
-    assert "No space left" in refused(MINI, "--rate", "5", output="/dev/full")
+    assert "No space left" in refused(DRAWN, "--rate", "5", output="/dev/full")
 
 
 def test_disk_full_in_the_middle_keeps_what_was_estimated(tmp_path):
     """A limit on the size of files stands for the disk; the lines before it are whole."""
     poses = tmp_path / "poses.csv"
     run = subprocess.run(
-        [sys.executable, "-m", "lmmap", "estimate", MINI, "--modality", "event", "--rate", "20", "-o", poses],
+        [sys.executable, "-m", "lmmap", "estimate", DRAWN, "--modality", "event", "--rate", "20", "-o", poses],
         capture_output=True, text=True, cwd=ROOT, preexec_fn=lambda: resource.setrlimit(
             resource.RLIMIT_FSIZE, (6000, 6000)),
     )  # fmt: skip
@@ -169,17 +170,17 @@ def test_read_only_output(refused, tmp_path):
     folder = (
         Path("/sys") if os.access(closed, os.W_OK) else closed
     )  # nobody forbids root, but the kernel does
-    assert "cannot write" in refused(MINI, "--rate", "5", output=folder / "poses.csv")
+    assert "cannot write" in refused(DRAWN, "--rate", "5", output=folder / "poses.csv")
     closed.chmod(0o700)
-    assert "is a folder" in refused(MINI, output=closed)
-    assert "no folder" in refused(MINI, output=tmp_path / "no" / "poses.csv")
+    assert "is a folder" in refused(DRAWN, output=closed)
+    assert "no folder" in refused(DRAWN, output=tmp_path / "no" / "poses.csv")
 
 
 def test_interrupted(tmp_path):
     """Ctrl-C in the middle: exit code 130, whole lines on disk, no traceback."""
     poses = tmp_path / "poses.csv"
     run = subprocess.Popen(
-        [sys.executable, "-m", "lmmap", "estimate", MINI, "--modality", "event", "-o", poses],
+        [sys.executable, "-m", "lmmap", "estimate", LONGER, "--modality", "event", "-o", poses],
         stderr=subprocess.PIPE, text=True, cwd=ROOT,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # jobs in the background ignore it
     )  # fmt: skip
@@ -191,7 +192,7 @@ def test_interrupted(tmp_path):
     _, err = run.communicate()
     assert run.returncode == 130 and "keeps what was estimated" in err and "Traceback" not in err
     content = poses.read_bytes()
-    assert content.endswith(b"\n") and 2 < content.count(b"\n") < 30
+    assert content.endswith(b"\n") and 2 < content.count(b"\n") < 12
 
 
 # --- strangers' files cannot execute code ---------------------------------------------------------
@@ -207,12 +208,12 @@ def test_pickled_weights_are_refused(refused, tmp_path):
 
     for name in ("ring", "reflector"):
         torch.save({"weights": Bomb()}, tmp_path / weight_path(name, "event").name)
-    assert "no readable weights" in refused(MINI, "--weights", tmp_path)
+    assert "no readable weights" in refused(DRAWN, "--weights", tmp_path)
 
 
 def test_yaml_makes_no_objects(refused, tmp_path):
     (tmp_path / "bomb.yaml").write_text("!!python/object/apply:os._exit [3]")
-    assert "bomb.yaml" in refused(MINI, "--camera", tmp_path / "bomb.yaml")
+    assert "bomb.yaml" in refused(DRAWN, "--camera", tmp_path / "bomb.yaml")
 
 
 def test_nothing_in_the_module_can_unpickle():

@@ -3,6 +3,7 @@
 import json
 
 import cv2
+import drawn
 import foreign_files
 import h5py
 import numpy as np
@@ -14,16 +15,9 @@ from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
 from lmmap.drawing import overlay
-from lmmap.recordings.formats import READERS, open_recording
-from lmmap.shipped import DATA
-from lmmap.types import Recording
+from lmmap.recordings.formats import READERS
 
-MINI = DATA / "mini" / "test-low.aedat4"
-
-
-@pytest.fixture(scope="module")
-def mini() -> Recording:
-    return open_recording(MINI)
+R, DRAWN = drawn.recording(), drawn.file()
 
 
 def library(path, r):
@@ -127,14 +121,14 @@ def test_every_format_is_here():
 
 
 @pytest.fixture(scope="module")
-def poses(tmp_path_factory, mini):
+def poses(tmp_path_factory):
     """Bytes of the poses of a recording's images."""
 
     def run(path, modality):
         output = tmp_path_factory.mktemp("poses") / "poses.csv"
         camera = tmp_path_factory.getbasetemp() / "camera.json"
-        mini.camera.save(camera)
-        argv = ["estimate", str(path), "--modality", modality, "--camera", str(camera), "--rate", "1"]
+        R.camera.save(camera)
+        argv = ["estimate", str(path), "--modality", modality, "--camera", str(camera), "--rate", "2"]
         assert main.main([*argv, "-o", str(output)]) == 0
         return output.read_bytes()
 
@@ -143,42 +137,41 @@ def poses(tmp_path_factory, mini):
 
 @pytest.fixture(scope="module")
 def reference(poses):
-    return {modality: poses(MINI, modality) for modality in ("rgb", "event")}
+    return {modality: poses(DRAWN, modality) for modality in ("rgb", "event")}
 
 
 @pytest.mark.parametrize("name", EVENTS)
-def test_events_of_every_format_give_the_same_poses(tmp_path, mini, poses, reference, name, capsys):
-    EVENTS[name](tmp_path / name, mini)
+def test_events_of_every_format_give_the_same_poses(tmp_path, poses, reference, name, capsys):
+    EVENTS[name](tmp_path / name, R)
     assert reference["event"].count(b",ok,") > 0
     assert poses(tmp_path / name, "event") == reference["event"]
-    mini.camera.save(tmp_path / "c.json")
+    R.camera.save(tmp_path / "c.json")
     capsys.readouterr()
     assert main.main(["info", str(tmp_path / name), "--camera", str(tmp_path / "c.json"), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["events"] == len(mini.events) and facts["backward_steps"] == facts["out_of_range"] == 0
+    assert facts["events"] == len(R.events) and facts["backward_steps"] == facts["out_of_range"] == 0
 
 
 @pytest.mark.parametrize("name", FRAMES)
-def test_frames_of_every_format_give_the_same_poses(tmp_path, mini, poses, reference, name):
-    FRAMES[name](tmp_path / name, mini)
+def test_frames_of_every_format_give_the_same_poses(tmp_path, poses, reference, name):
+    FRAMES[name](tmp_path / name, R)
     assert reference["rgb"].count(b",ok,") > 0
     assert poses(tmp_path / name, "rgb") == reference["rgb"]
 
 
-def test_poses_are_drawn_afterwards(tmp_path, mini, capsys):
+def test_poses_are_drawn_afterwards(tmp_path, capsys):
     """On the frames and on the histograms that they were made of, and on no others."""
     for modality in ("rgb", "event"):
         output, video = tmp_path / f"{modality}.csv", tmp_path / f"{modality}.mp4"
-        images = ["--modality", modality, "--rate", "1"]
-        assert main.main(["estimate", str(MINI), *images, "-o", str(output)]) == 0
-        assert main.main(["draw", str(MINI), str(output), *images, "-o", str(video)]) == 0
+        images = ["--modality", modality, "--rate", "2"]
+        assert main.main(["estimate", str(DRAWN), *images, "-o", str(output)]) == 0
+        assert main.main(["draw", str(DRAWN), str(output), *images, "-o", str(video)]) == 0
         count = len(output.read_text().splitlines()) - 1
         assert capsys.readouterr().out.splitlines()[-1].startswith(f"{video}: {count} images, ")
         film = cv2.VideoCapture(str(video))
         assert sum(film.read()[0] for _ in range(count + 3)) == count
-    assert (
-        main.main(["draw", str(MINI), str(output), "--modality", "rgb", "-o", str(tmp_path / "n.mp4")]) == 1
-    )
+    wrong = ["--modality", "rgb", "-o", str(tmp_path / "n.mp4")]
+    assert main.main(["draw", str(DRAWN), str(output), *wrong]) == 1
     err = capsys.readouterr().err
     assert "give the --modality, --rate and --events" in err and not (tmp_path / "n.mp4").exists()
 
@@ -186,9 +179,9 @@ def test_poses_are_drawn_afterwards(tmp_path, mini, capsys):
 def test_an_interrupted_drawing_goes_on(tmp_path, capsys, monkeypatch):
     """Ctrl-C keeps what was drawn; --resume draws the rest, and no other command may lose it."""
     poses, video = tmp_path / "poses.csv", tmp_path / "o.mp4"
-    images = ["--modality", "rgb", "--rate", "5"]
-    assert main.main(["estimate", str(MINI), *images, "-o", str(poses)]) == 0
-    command = ["draw", str(MINI), str(poses), *images, "-o", str(video)]
+    images = ["--modality", "rgb", "--rate", "10"]
+    assert main.main(["estimate", str(DRAWN), *images, "-o", str(poses)]) == 0
+    command = ["draw", str(DRAWN), str(poses), *images, "-o", str(video)]
 
     def stop(self, estimate):
         self.images += 1

@@ -8,10 +8,10 @@ writes data/results/formats.csv anew.
 import contextlib
 import io
 import tempfile
-from functools import cache
 from pathlib import Path
 
 import cv2
+import drawn
 import pandas as pd
 import pytest
 import test_every_format as every
@@ -20,19 +20,9 @@ from lmmap.cli import main
 from lmmap.recordings.formats import FORMATS, open_recording
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.shipped import DATA
-from lmmap.types import Recording
 
 TABLE = DATA / "results" / "formats.csv"
 MEANS = {True: "yes", False: "no"}
-
-
-@cache
-def short() -> Recording:
-    """A quarter of a second of the committed recording, its times from 0."""
-    r = open_recording(every.MINI)
-    early, stop_us = r.frames_t_us < r.frames_t_us[0] + 150_000, r.events["t_us"][0] + 150_000
-    events = r.events[r.events["t_us"] < stop_us]
-    return Recording(r.name, r.camera, events, r.frames[early], r.frames_t_us[early], r.truth)
 
 
 def picture(path, r):
@@ -75,7 +65,7 @@ def spoil(path: Path) -> None:
 def tried(name: str, place: Path) -> dict[str, str]:
     """What each command does with a file."""
     write, modality = FILES[name]
-    r, path, camera, truth = short(), place / name, place / "camera.json", place / "truth.csv"
+    r, path, camera, truth = drawn.recording(3), place / name, place / "camera.json", place / "truth.csv"
     write(path, r)
     r.camera.save(camera)
     write_trajectory(r.truth, truth)

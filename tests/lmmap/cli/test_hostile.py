@@ -7,17 +7,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import drawn
 import pytest
 from library_files import write_recording
-from test_format_table import short
 
 from lmmap.cli import main
 from lmmap.files import InputError, lock
 from lmmap.recordings.journal import Journal
-from lmmap.shipped import DATA, ROOT
+from lmmap.shipped import ROOT
 from lmmap.types import Camera
 
-MINI = DATA / "mini" / "test-low.aedat4"
+DRAWN = drawn.file(6)
 NOTES = "notes that nobody has a copy of\nand a second line"
 
 
@@ -38,7 +38,7 @@ def digests(folder: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
 
 
-def estimate(output, *extra, recording=MINI):
+def estimate(output, *extra, recording=DRAWN):
     return ("estimate", recording, "--modality", "rgb", "--rate", "5", "-o", output, *extra)
 
 
@@ -53,10 +53,10 @@ def test_a_file_that_is_not_ours_is_not_touched(tmp_path, lmmap, extra):
 
 @pytest.mark.parametrize("flag", ["--overwrite", "--resume"])
 def test_no_output_replaces_an_input(tmp_path, lmmap, flag):
-    for source in (MINI, MINI.with_suffix(".camera.json"), MINI.with_suffix(".truth.csv")):
+    for source in (DRAWN, DRAWN.with_suffix(".camera.json"), DRAWN.with_suffix(".truth.csv")):
         (tmp_path / source.name).write_bytes(source.read_bytes())
     before = digests(tmp_path)
-    recording = tmp_path / MINI.name
+    recording = tmp_path / DRAWN.name
     (tmp_path / "link.csv").symlink_to(recording)
     for output in (
         recording,
@@ -101,11 +101,11 @@ def test_two_processes_on_one_output(tmp_path):
 @pytest.mark.parametrize(
     "argv",
     [
-        ("info", MINI, "--camera", "{}.json"),
-        ("info", MINI, "--camera", "{}.yaml"),
-        ("estimate", MINI, "--modality", "rgb", "--port", "{}.json", "-o", "{}.out.csv"),
-        ("evaluate", MINI, "--truth", "{}.csv"),
-        ("draw", MINI, "{}.csv", "--modality", "rgb", "-o", "{}.out.webm"),
+        ("info", DRAWN, "--camera", "{}.json"),
+        ("info", DRAWN, "--camera", "{}.yaml"),
+        ("estimate", DRAWN, "--modality", "rgb", "--port", "{}.json", "-o", "{}.out.csv"),
+        ("evaluate", DRAWN, "--truth", "{}.csv"),
+        ("draw", DRAWN, "{}.csv", "--modality", "rgb", "-o", "{}.out.webm"),
     ],
     ids=lambda argv: " ".join(str(a) for a in argv[:1] + argv[2:4]),
 )
@@ -182,10 +182,10 @@ sys.exit(main.main(sys.argv[1:]))
 
 
 @pytest.mark.parametrize(
-    "extra", [("--track", "--modality", "rgb"), ("--modality", "event", "--events", "500")]
+    "extra", [("--track", "--modality", "rgb"), ("--modality", "event", "--events", "5000")]
 )
 def test_a_home_that_is_read_only_costs_caches_and_no_answer(tmp_path, extra):
-    write_recording(short(), tmp_path / "r.h5")
+    write_recording(drawn.recording(3), tmp_path / "r.h5")
     run = subprocess.run(
         [sys.executable, "-c", CACHELESS, "estimate", tmp_path / "r.h5", *extra, "-o", tmp_path / "p.csv"],
         capture_output=True, text=True, cwd=ROOT,

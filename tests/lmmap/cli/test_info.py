@@ -2,13 +2,13 @@
 
 import json
 
+import drawn
 import dv_processing as dv
 import numpy as np
 import pytest
 import test_prophesee as prophesee
 from library_files import write_recording
 from test_bad_input import write_camera
-from test_format_table import short
 
 from lmmap.cli import main
 from lmmap.recordings.rig import Rig
@@ -72,7 +72,7 @@ def test_the_exposure_of_frames(info, tmp_path, exposure_us):
 
 
 def test_topics_encoding_and_what_would_be_estimated(info, tmp_path):
-    r = short()
+    r = drawn.recording(3)
     write_recording(r, tmp_path / "r.bag")
     facts = info(tmp_path / "r.bag")
     assert any("dvs_msgs/msg/EventArray" in topic for topic in facts["topics"]) and len(facts["topics"]) == 2
@@ -85,7 +85,7 @@ def test_topics_encoding_and_what_would_be_estimated(info, tmp_path):
 
 def test_the_truth_is_where_evaluate_finds_it(info, tmp_path):
     path = tmp_path / "r.bag"
-    write_recording(short(), path)
+    write_recording(drawn.recording(3), path)
     assert info(path)["truth"]
     path.with_suffix(".truth.csv").unlink()
     assert not info(path)["truth"]

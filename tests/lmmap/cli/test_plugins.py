@@ -5,9 +5,9 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import drawn
 import pytest
 from library_files import write_recording
-from test_format_table import short
 
 from lmmap.cli import main, plugins
 from lmmap.recordings.rig import RIG_FILE, Rig
@@ -106,7 +106,7 @@ def still(path, rig):
 
 def test_a_bag_with_a_rig_takes_its_truth_from_another_package(tmp_path, monkeypatch, capsys):
     """Without that package the line says what to install."""
-    bag, recording = tmp_path / "r.bag", short()
+    bag, recording = tmp_path / "r.bag", drawn.recording(3)
     write_recording(replace(recording, truth=None), bag)
     evaluate = ["evaluate", str(bag), "--modality", "rgb", "--rate", "10"]
     monkeypatch.setattr(plugins, "entry_points", lambda group: {})

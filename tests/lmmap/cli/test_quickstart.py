@@ -4,15 +4,15 @@ import re
 import shlex
 
 import cv2
+import drawn
 import pytest
 import test_every_format as every
 from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
-from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, read_trajectory, write_trajectory
 from lmmap.shipped import ROOT
-from lmmap.types import Recording, Status
+from lmmap.types import Status
 
 PAGE = (ROOT / "book" / "quickstart.md").read_text()
 SECTIONS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
@@ -20,22 +20,17 @@ SECTIONS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The first 0.3 seconds of the committed recording, under the names of the page."""
-    place, r = tmp_path_factory.mktemp("quickstart"), open_recording(every.MINI)
-    stop_us = int(r.frames_t_us[0]) + 300_000
-    early = r.frames_t_us < stop_us
-    short = Recording(
-        r.name, r.camera, r.events[r.events["t_us"] < stop_us], r.frames[early], r.frames_t_us[early], r.truth
-    )
+    """A drawn recording of a quarter of a second, under the names of the page."""
+    place, r = tmp_path_factory.mktemp("quickstart"), drawn.recording(6)
     r.camera.save(place / "camera.json")
     write_trajectory(r.truth, place / "truth.csv")
-    cv2.imwrite(str(place / "picture.png"), short.frames[0][..., ::-1])
+    cv2.imwrite(str(place / "picture.png"), r.frames[0][..., ::-1])
     video = cv2.VideoWriter(str(place / "video.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 20, (346, 260))
-    for frame in short.frames:
+    for frame in r.frames:
         video.write(frame[..., ::-1])
     video.release()
-    every.packets(StoragePlugin.SQLITE3)(place / "bag", short)
-    every.EVENTS["evt3.raw"](place / "recording.raw", short)
+    every.packets(StoragePlugin.SQLITE3)(place / "bag", r)
+    every.EVENTS["evt3.raw"](place / "recording.raw", r)
     return place
 
 

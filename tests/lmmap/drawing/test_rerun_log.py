@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import drawn
 import numpy as np
 import pytest
-from library_files import write_recording
 from strategies import facing_pose
 
 from lmmap.cli import main
@@ -14,6 +13,7 @@ from lmmap.drawing import rerun_log
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Camera, Ellipse, Estimate, Port, Status
 
+DRAWN = drawn.file(6)
 T = facing_pose(0.3, 0.2, 0.1, [0.01, -0.02, 0.6])
 SPREAD = np.diag([1e-3, 2e-3, 5e-3, 1e-2, 1e-2, 1e-2]) ** 2
 IMAGE = np.zeros((260, 346, 3), np.uint8)
@@ -60,16 +60,9 @@ def rerun(monkeypatch):
     return recorder
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    path = tmp_path_factory.mktemp("drawn") / "r.h5"
-    write_recording(drawn.recording(), path)
-    return str(path)
-
-
-def test_each_estimate_is_logged_once_with_its_time_and_pose(tmp_path, recorded, rerun, capsys):
+def test_each_estimate_is_logged_once_with_its_time_and_pose(tmp_path, rerun, capsys):
     """Of the command: those of its CSV, and nothing else."""
-    argv = ["estimate", recorded, "--modality", "event", "--rate", "8", "-o", str(tmp_path / "p.csv")]
+    argv = ["estimate", str(DRAWN), "--modality", "event", "--rate", "20", "-o", str(tmp_path / "p.csv")]
     assert main.main([*argv, "--rerun", str(tmp_path / "p.rrd")]) == 0
     estimates = read_estimates(tmp_path / "p.csv")
     assert len(estimates) > 2 and rerun.closed == 1 and rerun.path == str(tmp_path / "p.rrd")
@@ -87,10 +80,10 @@ def test_each_estimate_is_logged_once_with_its_time_and_pose(tmp_path, recorded,
     assert not any("rgb" in entity for _, entity, _ in rerun.entries)
 
 
-def test_poses_are_logged_afterwards(tmp_path, recorded, rerun, capsys):
-    argv = ["--modality", "rgb", "--rate", "8"]
-    assert main.main(["estimate", recorded, *argv, "-o", str(tmp_path / "p.csv")]) == 0
-    drawn = ["draw", recorded, str(tmp_path / "p.csv"), *argv, "-o", str(tmp_path / "p.rrd")]
+def test_poses_are_logged_afterwards(tmp_path, rerun, capsys):
+    argv = ["--modality", "rgb", "--rate", "20"]
+    assert main.main(["estimate", str(DRAWN), *argv, "-o", str(tmp_path / "p.csv")]) == 0
+    drawn = ["draw", str(DRAWN), str(tmp_path / "p.csv"), *argv, "-o", str(tmp_path / "p.rrd")]
     assert main.main(drawn) == 0
     times_us = [e.t_us for e in read_estimates(tmp_path / "p.csv")]
     assert [t_us for t_us, _ in rerun.of("camera/port")] == times_us
@@ -122,11 +115,9 @@ def test_the_ellipsoid_is_the_covariances():
 
 
 @pytest.mark.parametrize(("name", "said"), [("p.rrd", "pip install"), ("p.mp4", "name the file for Rerun")])
-def test_without_the_package_or_with_another_name_it_is_one_line(
-    tmp_path, recorded, monkeypatch, capsys, name, said
-):
+def test_without_the_package_or_with_another_name_it_is_one_line(tmp_path, monkeypatch, capsys, name, said):
     monkeypatch.setitem(sys.modules, "rerun", None)  # as where it is not installed
-    argv = ["estimate", recorded, "--modality", "rgb", "-o", str(tmp_path / "p.csv")]
+    argv = ["estimate", str(DRAWN), "--modality", "rgb", "-o", str(tmp_path / "p.csv")]
     assert main.main([*argv, "--rerun", str(tmp_path / name)]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line and list(tmp_path.iterdir()) == []
