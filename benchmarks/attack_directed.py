@@ -129,7 +129,7 @@ def _directed_hdf5(files: dict, folder: Path) -> None:
 
 
 def _directed_bags(files: dict, folder: Path) -> None:
-    """Bags whose one chunk inflates to two gigabytes, or says that it does."""
+    """Bags whose one chunk inflates to more than is allowed, or says that it does."""
 
     def field(name: bytes, value: bytes) -> bytes:
         return struct.pack("<I", len(name) + 1 + len(value)) + name + b"=" + value
@@ -138,7 +138,7 @@ def _directed_bags(files: dict, folder: Path) -> None:
         return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(data)) + data
 
     packer = bz2.BZ2Compressor(9)
-    bomb = b"".join(packer.compress(bytes(2**24)) for _ in range(32)) + packer.flush()
+    bomb = b"".join(packer.compress(bytes(2**24)) for _ in range(17)) + packer.flush()
     for name, content, size in (("bomb.bag", bomb, 1000), ("promise.bag", bomb, 2**32 - 1)):
         head = field(b"op", b"\x05") + field(b"compression", b"bz2") + field(b"size", struct.pack("<I", size))
         chunk = record(head, content)

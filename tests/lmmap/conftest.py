@@ -4,6 +4,8 @@ import sys
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 
+import pytest
+
 HERE = Path(__file__).parent
 
 
@@ -19,3 +21,11 @@ def pytest_configure(config):
     named = [(config.invocation_params.dir / arg.split("::")[0]).resolve() for arg in config.args]
     if all(path.is_relative_to(HERE) for path in named):
         sys.meta_path.insert(0, NoLaboratory())
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_precision():
+    """The networks' own, also where a test of the laboratory, which sets another one, ran before."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.delenv("LMMAP_PRECISION", raising=False)
+        yield

@@ -3,11 +3,6 @@
 import json
 import os
 import re
-import resource
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import drawn
@@ -21,7 +16,7 @@ from lmmap.recordings.formats import READERS, open_recording
 from lmmap.shipped import ROOT
 from lmmap.types import EVENT, Camera, Recording
 
-DRAWN, LONGER = drawn.file(6), drawn.file()
+DRAWN = drawn.file(6)
 BEFORE = "what was there before\n"
 
 
@@ -150,19 +145,6 @@ def test_disk_full(refused):
     assert "No space left" in refused(DRAWN, "--rate", "5", output="/dev/full")
 
 
-def test_disk_full_in_the_middle_keeps_what_was_estimated(tmp_path):
-    """A limit on the size of files stands for the disk; the lines before it are whole."""
-    poses = tmp_path / "poses.csv"
-    run = subprocess.run(
-        [sys.executable, "-m", "lmmap", "estimate", DRAWN, "--modality", "event", "--rate", "20", "-o", poses],
-        capture_output=True, text=True, cwd=ROOT, preexec_fn=lambda: resource.setrlimit(
-            resource.RLIMIT_FSIZE, (6000, 6000)),
-    )  # fmt: skip
-    assert run.returncode == 1 and "--resume" in run.stderr and "Traceback" not in run.stderr
-    assert len(run.stderr.splitlines()) == 1 and poses.stat().st_size <= 6000
-    assert len(poses.read_text().splitlines()) > 2
-
-
 def test_read_only_output(refused, tmp_path):
     closed = tmp_path / "closed"
     closed.mkdir()
@@ -174,25 +156,6 @@ def test_read_only_output(refused, tmp_path):
     closed.chmod(0o700)
     assert "is a folder" in refused(DRAWN, output=closed)
     assert "no folder" in refused(DRAWN, output=tmp_path / "no" / "poses.csv")
-
-
-def test_interrupted(tmp_path):
-    """Ctrl-C in the middle: exit code 130, whole lines on disk, no traceback."""
-    poses = tmp_path / "poses.csv"
-    run = subprocess.Popen(
-        [sys.executable, "-m", "lmmap", "estimate", LONGER, "--modality", "event", "-o", poses],
-        stderr=subprocess.PIPE, text=True, cwd=ROOT,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # jobs in the background ignore it
-    )  # fmt: skip
-    for _ in range(1200):
-        if poses.exists() and poses.read_bytes().count(b"\n") > 2:
-            break
-        time.sleep(0.05)
-    run.send_signal(signal.SIGINT)
-    _, err = run.communicate()
-    assert run.returncode == 130 and "keeps what was estimated" in err and "Traceback" not in err
-    content = poses.read_bytes()
-    assert content.endswith(b"\n") and 2 < content.count(b"\n") < 12
 
 
 # --- strangers' files cannot execute code ---------------------------------------------------------

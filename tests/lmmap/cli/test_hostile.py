@@ -9,7 +9,6 @@ from pathlib import Path
 
 import drawn
 import pytest
-from library_files import write_recording
 
 from lmmap.cli import main
 from lmmap.files import InputError, lock
@@ -119,16 +118,6 @@ def test_what_never_ends_is_not_read(tmp_path, lmmap, argv):
         assert code == 1 and len(err.splitlines()) == 1 and "a device or a pipe" in err, err
 
 
-def test_names_that_are_not_utf8(tmp_path, lmmap):
-    name = os.fsdecode(os.fsencode(tmp_path) + b"/poses-\xff.csv")
-    run = subprocess.run(
-        [sys.executable, "-m", "lmmap", *map(str, estimate(name))], capture_output=True, cwd=ROOT
-    )
-    assert run.returncode == 0 and b"Traceback" not in run.stderr and Path(name).exists()
-    run = subprocess.run([sys.executable, "-m", "lmmap", "info", name], capture_output=True, cwd=ROOT)
-    assert run.returncode == 1 and len(run.stderr.splitlines()) == 1
-
-
 def test_a_jump_of_hours_at_a_rate_ends_in_seconds(tmp_path, lmmap):
     lines = [f"{50 * k + (7_200_000_000 if k > 9000 else 0)} {k % 64} 5 1\n" for k in range(18_000)]
     (tmp_path / "gap.txt").write_text("".join(lines))
@@ -150,53 +139,3 @@ def test_a_jump_of_hours_at_a_rate_ends_in_seconds(tmp_path, lmmap):
     )
     assert code == 0 and "no events for 7200 s" in err and len(err.splitlines()) == 1
     assert json.loads(out)["images"] < 120
-
-
-LIMITED = """
-import resource, sys
-from lmmap.cli import main
-resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
-sys.exit(main.main(sys.argv[1:]))
-"""
-
-
-def test_a_full_disk_leaves_the_old_output_whole(tmp_path):
-    """A limit on the size of files stands for the disk."""
-    output = tmp_path / "poses.csv"
-    output.write_text(NOTES)
-    run = subprocess.run(
-        [sys.executable, "-c", LIMITED, *map(str, estimate(output, "--overwrite"))],
-        capture_output=True, text=True, cwd=ROOT,
-    )  # fmt: skip
-    assert run.returncode == 1 and len(run.stderr.splitlines()) == 1 and "poses.csv" in run.stderr, run.stderr
-    assert output.read_text() == NOTES
-
-
-CACHELESS = """
-import sys, tempfile
-def refuse(*_, **__): raise PermissionError(13, "Permission denied")
-tempfile.TemporaryFile = refuse  # by which numba finds out where it may write
-from lmmap.cli import main
-sys.exit(main.main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.parametrize(
-    "extra", [("--track", "--modality", "rgb"), ("--modality", "event", "--events", "5000")]
-)
-def test_a_home_that_is_read_only_costs_caches_and_no_answer(tmp_path, extra):
-    write_recording(drawn.recording(3), tmp_path / "r.h5")
-    run = subprocess.run(
-        [sys.executable, "-c", CACHELESS, "estimate", tmp_path / "r.h5", *extra, "-o", tmp_path / "p.csv"],
-        capture_output=True, text=True, cwd=ROOT,
-        env={**os.environ, "HOME": "/proc", "XDG_CACHE_HOME": "/proc", "MPLCONFIGDIR": "/proc/none"},
-    )  # fmt: skip
-    assert run.returncode == 0 and len(run.stderr.splitlines()) <= 2, run.stderr
-    assert len((tmp_path / "p.csv").read_text().splitlines()) > 2
-
-
-def test_images_cost_no_memory_and_no_open_files():
-    """Few here; thousands by ``benchmarks/steady_memory.py`` alone."""
-    script = ROOT / "benchmarks" / "steady_memory.py"
-    run = subprocess.run([sys.executable, script, "120"], capture_output=True, text=True, timeout=400)
-    assert run.returncode == 0, run.stdout + run.stderr

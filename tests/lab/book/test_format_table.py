@@ -1,6 +1,6 @@
 """The book's table of formats is what the commands do with a small file of each.
 
-    python tests/lmmap/cli/test_format_table.py
+    python tests/lab/book/test_format_table.py
 
 writes data/results/formats.csv anew.
 """
