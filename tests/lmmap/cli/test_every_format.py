@@ -193,7 +193,7 @@ def test_an_interrupted_drawing_goes_on(tmp_path, capsys, monkeypatch):
         assert main.main(command) == 130
     assert "o.mp4.parts keeps what was drawn, --resume goes on" in capsys.readouterr().err
     assert main.main(command) == 1
-    assert "go on with --resume, or give --overwrite" in capsys.readouterr().err
+    assert "give --resume, or --overwrite" in capsys.readouterr().err
     anew, draw = [], overlay.draw
     monkeypatch.setattr(overlay, "draw", lambda *a: anew.append(1) or draw(*a))
     assert main.main([*command, "--resume"]) == 0

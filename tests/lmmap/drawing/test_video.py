@@ -92,7 +92,7 @@ def test_only_segments_of_the_same_pictures_are_resumed(tmp_path):
     with pytest.raises(InputError, match=r"o\.mp4\.parts: was made with another camera"):
         write(path, PICTURES, made_of=MADE_OF | {"camera": {"fx": 2.0}}, resume=True)
     assert len(list(film.folder.glob("*.mp4"))) == 1
-    with film, pytest.raises(InputError, match=r"o\.mp4: another process writes this file"):
+    with film, pytest.raises(InputError, match=r"o\.mp4: another process writes it"):
         write(path, PICTURES, made_of=MADE_OF, resume=True)
 
 
