@@ -20,8 +20,8 @@ SECTIONS = dict(re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S))
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A drawn recording of a quarter of a second, under the names of the page."""
-    place, r = tmp_path_factory.mktemp("quickstart"), drawn.recording(6)
+    """A drawn recording of 150 ms, under the names of the page."""
+    place, r = tmp_path_factory.mktemp("quickstart"), drawn.recording(4)
     r.camera.save(place / "camera.json")
     write_trajectory(r.truth, place / "truth.csv")
     cv2.imwrite(str(place / "picture.png"), r.frames[0][..., ::-1])

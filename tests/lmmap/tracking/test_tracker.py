@@ -221,13 +221,15 @@ def pushed(t_us) -> Pose:
     return moved(START, SPEED * 1e-6 * (t_us + 0.5 * max(t_us - 250_000, 0)))
 
 
-def followed() -> tuple[Scene, Tracker]:
-    """A tracker that has seen the pushed port each 50 ms until then, and the scene of these times."""
-    scene = Scene([pushed(STEP_US * k) for k in range(8)])
-    tracker = Tracker(scene.estimator(), events=True)
+PUSHED = Scene([pushed(STEP_US * k) for k in range(8)])
+
+
+def followed() -> Tracker:
+    """A tracker that has seen the pushed port each 50 ms until then."""
+    tracker = Tracker(PUSHED.estimator(), events=True)
     for k in range(6):
-        tracker(scene.image(k), STEP_US * k)
-    return scene, tracker
+        tracker(PUSHED.image(k), STEP_US * k)
+    return tracker
 
 
 def of_the_push(first_us, last_us) -> np.ndarray:
@@ -238,7 +240,7 @@ def of_the_push(first_us, last_us) -> np.ndarray:
 
 
 def test_events_tell_of_a_push_that_no_image_has_seen():
-    (_, tracker), (_, without) = followed(), followed()
+    tracker, without = followed(), followed()
     assert tracker.add_events(of_the_push(252_000, 330_000)) > 15
     now, predicted = tracker.at(330_000), without.at(330_000)
     truth_m = pushed(330_000).position_m
@@ -250,7 +252,7 @@ def test_events_tell_of_a_push_that_no_image_has_seen():
 
 
 def test_events_at_no_edge_leave_the_prediction():
-    (_, tracker), (_, without) = followed(), followed()
+    tracker, without = followed(), followed()
     corner = np.zeros(400, EVENT)
     corner["t_us"] = 251_000 + 100 * np.arange(400)
     assert tracker.add_events(corner) == tracker.add_events(corner[:0]) == 0
@@ -261,17 +263,17 @@ def test_events_at_no_edge_leave_the_prediction():
 
 def test_an_image_that_is_older_than_the_newest_events_still_counts():
     """The port is where events say, and the image of 50 ms ago agrees."""
-    scene, tracker = followed()
+    tracker = followed()
     tracker.add_events(of_the_push(252_000, 350_000))
     before = tracker.at(350_000)
-    assert right(tracker(scene.image(6), 6 * STEP_US), scene.poses[6])
+    assert right(tracker(PUSHED.image(6), 6 * STEP_US), PUSHED.poses[6])
     after = tracker.at(350_000)
     assert np.linalg.slogdet(after.covariance)[1] < np.linalg.slogdet(before.covariance)[1]
     assert np.linalg.norm(after.T_cam_port.position_m - pushed(350_000).position_m) < 0.003
 
 
 def test_events_hold_no_track_that_images_have_lost():
-    _, tracker = followed()
+    tracker = followed()
     lost_us = 250_000 + int(1e6 * SETTINGS.between.motion.lost_s) - SETTINGS.between.late_us
     tracker.add_events(of_the_push(252_000, lost_us + 100_000))
     assert tracker.at(lost_us).T_cam_port is not None
@@ -279,7 +281,7 @@ def test_events_hold_no_track_that_images_have_lost():
 
 
 def test_events_that_go_back_are_named():
-    _, tracker = followed()
+    tracker = followed()
     tracker.add_events(of_the_push(252_000, 254_000)[:5])
     with pytest.raises(ValueError, match="got 251000 us after 252"):
         tracker.add_events(of_the_push(251_000, 253_000))
