@@ -1,8 +1,5 @@
 """Masks in crops are those of the whole image, and two can be made at once."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -42,17 +39,3 @@ def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_threa
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
         at_once(lambda: 1 / 0, lambda: None)
-
-
-def test_a_forked_process_does_not_wait_for_threads_that_it_has_not():
-    forked = """
-import os, torch
-from lmmap.pipeline.crops import at_once
-torch.set_num_threads(2)
-at_once(int, int)
-child = os.fork()
-if not child:
-    os._exit(at_once(int, int) != [0, 0])
-assert os.waitpid(child, 0)[1] == 0
-"""
-    subprocess.run([sys.executable, "-W", "ignore", "-c", forked], check=True, timeout=60)

@@ -24,12 +24,12 @@ from lmmap.recordings.pose_files import read_truth
 from lmmap.types import EVENT, Camera, InputError, Port
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # of a module, it would be made anew when a worker comes back to it
 def directed(tmp_path_factory):
     return directed_files(tmp_path_factory.mktemp("directed"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def ros2_bag(tmp_path_factory):
     return sound_files(tmp_path_factory.mktemp("sound"), np.random.default_rng(0))["ros2"]
 
