@@ -1,8 +1,9 @@
 """The pixels of pure green lines and filled windows that were drawn over a picture.
 
-Pictures are compressed with less resolution in colour than in brightness: a line's colour runs into the pixels
-beside it, and what remains on a thin line is pale.  Its brightness stays where it is.  So a line's pixels are
-those as bright as pure green that have some green in them; beside a line they are darker or brighter.
+Pictures are compressed with less resolution in colour than in brightness: a line's colour runs into the
+pixels beside it, and what remains on a thin line is pale.  Its brightness stays where it is.  So a line's
+pixels are those as bright as pure green that have some green in them; beside a line they are darker or
+brighter.
 """
 
 from __future__ import annotations
@@ -16,11 +17,10 @@ from lmmap.types import Camera
 
 WIDTH_PX = Camera.davis346().width_px
 BRIGHTNESS = 150  # of pure green: 0.587 of 255
-# of a line's pixel, in grey levels: least green, by which both differences of colour are negative, and how far its
-# brightness may be from that of pure green
+# of a line's pixel, in grey levels: how far both differences of colour are below zero at least, and how far
+# its brightness is from that of pure green at most
 WAYS = ((10, 45), (7, 45), (15, 45), (10, 30), (10, 60))
 FILLED, FILLED_EDGE = 50, 25  # least green inside a filled window, and of its outermost pixels
-PURE = 20  # least green around which lines are looked for
 LEAST_LINES, LEAST_WINDOW = 300, 30  # pixels of all lines in a picture, and of each window
 GAP_PX, THICK_PX = 12.0, 4.0  # between lines of one drawing, and of the thickest line
 
@@ -34,8 +34,9 @@ def overlay(name: str, picture: np.ndarray, way=WAYS[0]) -> Overlay | None:
     windows = _windows((green > FILLED) & bright, (green > FILLED_EDGE) & bright, to_davis)
     if windows is None:
         return None
-    near = _grown(green > PURE, _square(GAP_PX / to_davis))
-    lines = (green > least) & bright & _part_of_most(near, green > PURE) & ~_grown(windows, _square(3))
+    drawn = (green > least) & bright
+    drawn &= _part_of_most(_grown(drawn, _square(GAP_PX / to_davis)), drawn)
+    lines = drawn & ~_grown(windows, _square(3))
     edges = windows & (cv2.erode(windows.astype(np.uint8), _square(3)) == 0)
     if lines.sum() < LEAST_LINES:
         return None

@@ -8,9 +8,9 @@ pose a picture and one geometry, with the focal length of the bench's camera.  O
 depends on it.  A picture is taken as the sensor's whole width: the enlargement of 16 / 13 that repeated rows
 and columns show in the two would be a focal length 0.4 % longer.
 
-Values and intervals come from draws, with replacement, of the pieces of line that count; each draw has its own
-way to tell a line's pixels, and its fit begins at a place of its own, because lines that all but coincide, as
-the plate's sides and the markers' outer edges, change places at no cost.  The value is the draws' mean.
+Values and intervals come from draws, with replacement, of the pieces of line that count.  Each draw has its
+own way to tell a line's pixels, and its fit begins at a place of its own: lines that all but coincide,
+as the plate's sides and the markers' outer edges, change places at no cost.  The value is the draws' mean.
 
 Programs that fill polygons fill the pixels that their sides run through, so a window's sides are taken to run
 through the centres of its outermost pixels, as lines do.  The windows in the paper's line drawing and in the

@@ -46,7 +46,7 @@ def draw_fit(outlines: Mapping[str, dict], titles: Mapping[str, str]):
     for ax, (name, title) in zip(axes[0], titles.items(), strict=True):
         pixels = np.concatenate([_points(outlines[name][kind]) for kind in ("lines", "windows")])
         ax.add_collection(_squares(pixels))
-        ax.add_collection(LineCollection(models[name], colors=COLOUR["event"], lw=0.7))
+        ax.add_collection(LineCollection(models[name], colors=COLOUR["event"], lw=0.9))
         (u, v), (width, height) = low[name], size
         ax.set(xlim=(u, u + width), ylim=(v + height, v), xticks=[], yticks=[], aspect="equal", title=title)
         ax.spines[:].set_visible(False)
@@ -61,7 +61,7 @@ def _points(text: str) -> np.ndarray:
 def _squares(pixels) -> PolyCollection:
     """Squares in data units, so that pixels look like pixels at each size."""
     corner = DOT_PX / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return PolyCollection(pixels[:, None] + corner, facecolor=COLOUR["truth"], lw=0, alpha=0.75)
+    return PolyCollection(pixels[:, None] + corner, facecolor=COLOUR["truth"], lw=0, alpha=0.55)
 
 
 def dimensions_table(port: pd.DataFrame) -> pd.DataFrame:
