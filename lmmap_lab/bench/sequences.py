@@ -154,8 +154,8 @@ def duration_s(seq: Sequence, seconds: float | None, profile: str = "quick") -> 
 
 def simulate(name: str, seconds: float | None = None, progress=None, *, camera: Camera | None = None,
              parts: Path | None = None, sensor: SensorSettings | None = None,
-             setup: Setup = OUR_SETUP) -> Recording:  # fmt: skip
-    """Record a sequence with a camera (default: DAVIS 346) that looks at an LM-MAP.
+             setup: Setup = OUR_SETUP, port: Port | None = None) -> Recording:  # fmt: skip
+    """Record a sequence with a camera (default: DAVIS 346) that looks at a port (default: the LM-MAP).
 
     Parameters
     ----------
@@ -176,11 +176,13 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     InputError
         For an unknown name, a length that is not positive, a folder that cannot be written.
     """
-    seq, port = sequence(name), Port.lm_map()
+    seq, port = sequence(name), port or Port.lm_map()
     camera = Camera.davis346() if camera is None else camera
     seconds = duration_s(seq, seconds)
     event_sensor = EventSensor(camera, sensor or SensorSettings(), seq.rng("events " + seq.light))
-    finished = part_files.resume(parts, event_sensor, f"{name} {seconds} {camera} {event_sensor.settings}")
+    finished = part_files.resume(
+        parts, event_sensor, f"{name} {seconds} {camera} {port} {event_sensor.settings}"
+    )
     skip, part_start_us = (int(finished[-1][k]) for k in ("images", "t_us")) if finished else (0, 0)
     part = {"events": [], "frames": [], "frames_t_us": []}
     images = stream(seq, camera, port, seconds, event_sensor, skip, setup)

@@ -27,6 +27,7 @@ CALIBRATE = """examples:
   lmmap calibrate dataset_0307/dvs_calibration.bag --board 8x5 --square 0.03     writes camera.json
   lmmap calibrate normal__train.bag --hand-eye camera-to-robot-calibration_dvs.yaml
   lmmap calibrate T1_RA_0_ES_0_a.bag T2_RA_0_ES_1_a.bag --free -o rig.json
+  lmmap calibrate own.aedat4 --port -o port.json     the dimensions of the port that it shows
 """
 
 
@@ -133,7 +134,10 @@ def calibrate(commands: Commands) -> None:
     command.add_argument("--board", metavar="CxR", help=text)
     text = "side of the board's squares"
     command.add_argument("--square", type=float, default=0.03, metavar="M", help=text)
-    commands.add_output(command, "default: rig.json or camera.json, beside the first bag")
+    text = "measure the port's dimensions instead, from one recording of any format"
+    command.add_argument("--port", action="store_true", dest="measure_port", help=text)
+    command.add_argument("--focal", action="store_true", help="with --port: the focal length as well")
+    commands.add_output(command, "default: rig.json, camera.json or port.json, beside the first bag")
     command.add_argument("--json", action="store_true", help="print JSON")
 
 

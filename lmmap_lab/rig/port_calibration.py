@@ -1,0 +1,258 @@
+"""A port's dimensions from many images at once: one pose an image, and a geometry that all share.
+
+Edges of ring and markers are measured across their projected outlines, and Gauss-Newton adjusts poses and
+dimensions to them.  One camera cannot see how large everything is, so the radius of the ring's centre line
+stays as given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
+from lmmap.types import Camera, Port, Pose, frozen_array
+
+DIMENSIONS = ("plate's height", "markers' radius", "markers' length", "markers' depth", "ring's width")
+RING_POINTS, SIDE_POINTS = 72, 8  # of each of the ring's circles, and of each side of a marker
+OF_RING = slice(0, 2 * RING_POINTS)  # in the order of `outline`
+KINDS = 2  # of edges: the ring's and the markers'
+SIZES, OFFSETS, MASKS, FOCAL = slice(0, 5), slice(5, 7), slice(5, 9), 9  # of what all images share
+
+PRIOR_SHARE = 1.0  # standard deviation of a dimension, in units of it, before anything is measured
+OFFSET_PX = 0.3  # standard deviation of how far a mask reaches beyond its part, on all sides alike
+GROWTH_PX = 0.15  # standard deviation of how much that changes while the distance grows e times
+LOG_FOCAL = 0.5  # standard deviation of the focal length's logarithm before anything is measured
+LEAST_SIGMA_PX = 0.05  # of a measured edge
+TUKEY = 4.7  # standard deviations beyond which a residual counts for nothing
+BAD_IMAGE = 3.0  # times the typical residual: the image shows another pose than its start
+LEAST_SHARE = 0.3  # of the edges of ring and of markers, without which an image counts for nothing
+ROUNDS, LEAST_ROUNDS, SETTLED = 40, 6, 0.03  # steps, and the last one's size in standard deviations
+LONGEST_STEP, LONGEST_TURN_RAD = 0.2, 0.1  # in units of a dimension (px, logarithm), and of a pose
+STEP_M = 1e-6  # for derivatives
+
+Measure = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Outline(NamedTuple):
+    """Points (K, 3) m on the edges of ring and markers, with directions (K, 3) along the edge and outward:
+    away from what a mask covers."""
+
+    points_m: np.ndarray
+    along: np.ndarray
+    outward: np.ndarray
+
+
+@dataclass(frozen=True)
+class PortFit:
+    """What all images together say of a port.
+
+    Attributes
+    ----------
+    port : Port
+        The measured one.
+    sigma_m : numpy.ndarray
+        Standard deviations (5,) of `DIMENSIONS`.
+    focal_ratio, focal_ratio_sigma : float
+        Of the focal length to the camera's; 1 and 0 unless it was asked for.
+    T_cam_port : Pose
+        (N,) with the measured port.
+    kept : numpy.ndarray
+        Which images (N,) agree with it.
+    offset_px : numpy.ndarray
+        How far the masks of ring and markers reach beyond their edges, (2,).
+    residual_px : numpy.ndarray
+        Robust standard deviations (2,) of an edge of ring and markers.
+    settled : bool
+        Whether the last step was a small one.
+    """
+
+    port: Port
+    sigma_m: np.ndarray
+    focal_ratio: float
+    focal_ratio_sigma: float
+    T_cam_port: Pose
+    kept: np.ndarray
+    offset_px: np.ndarray
+    residual_px: np.ndarray
+    settled: bool
+
+
+def dimensions_m(port: Port) -> np.ndarray:
+    """Values (5,) of `DIMENSIONS`."""
+    width_m = port.ring_outer_radius_m - port.ring_inner_radius_m
+    return np.array([port.plate_height_m, port.marker_radius_m, *port.marker_size_m, width_m])
+
+
+def with_dimensions(port: Port, values_m) -> Port:
+    """A port with other `DIMENSIONS` (5,): its ring as wide within as without its centre line, its plate
+    larger in the ratio in which the markers' outer sides are further out, and all else as it was."""
+    height_m, radius_m, length_m, depth_m, width_m = map(float, values_m)
+    growth = (radius_m + depth_m / 2) / (port.marker_radius_m + port.marker_size_m[1] / 2)
+    return replace(
+        port, plate_height_m=height_m, marker_radius_m=radius_m, marker_size_m=(length_m, depth_m),
+        ring_inner_radius_m=port.ring_radius_m - width_m / 2,
+        ring_outer_radius_m=port.ring_radius_m + width_m / 2,
+        plate_circumradius_m=port.plate_circumradius_m * growth,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def outline(port: Port) -> Outline:
+    """The ring's outer and inner edge, then the markers' sides without their corners."""
+    circle = circle_points_m(1.0, RING_POINTS)
+    turned = np.stack([-circle[:, 1], circle[:, 0], circle[:, 2]], -1)
+    corners = port.marker_corners_m()
+    side = np.roll(corners, -1, 1) - corners
+    middle = corners + side / 2
+    at_side = middle[:, :, None] + np.linspace(-0.3, 0.3, SIDE_POINTS)[:, None] * side[:, :, None]
+    outer, inner = port.ring_outer_radius_m * circle, port.ring_inner_radius_m * circle
+    along, outward = (np.broadcast_to(v[:, :, None], at_side.shape).reshape(-1, 3)
+                      for v in (side, middle - corners.mean(1, keepdims=True)))  # fmt: skip
+    return Outline(*map(frozen_array, (
+        np.concatenate([outer, inner, at_side.reshape(-1, 3)]),
+        np.concatenate([turned, turned, along]), np.concatenate([circle, -circle, outward]),
+    )))  # fmt: skip
+
+
+def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal: bool = False) -> PortFit:
+    """Poses and dimensions that fit the measured edges of all images best.
+
+    Each step eliminates the poses (Schur complement), and edges are measured anew after it.  Tukey's weights
+    doubt single edges.  An image with few edges, or residuals far beyond the others', takes no part.  Masks
+    reach beyond their parts on all sides alike: how far, and how that changes with the distance, are unknowns
+    of ring and markers each.
+
+    Parameters
+    ----------
+    T_cam_port : (N,)
+        Starts.
+    measure
+        From points (N, K, 2) px on the projected `outline`, and normals (N, K, 2) outward there, to the gaps
+        (N, K) px along the normals to the image's edges; NaN where there is none.
+    port
+        The start; what is not measured stays as it has it.
+    focal
+        Whether the focal length is an unknown, too.
+    """
+    dimensions, extra = dimensions_m(port), np.ones(int(focal))
+    start = np.concatenate([dimensions, np.zeros(2 * KINDS), 0 * extra])
+    size = np.maximum(np.abs(dimensions), 0.1 * port.ring_radius_m)  # a plate may stand in the ring's plane
+    prior = [PRIOR_SHARE * size, np.repeat([OFFSET_PX, GROWTH_PX], KINDS), LOG_FOCAL * extra]
+    precision = np.diag(np.concatenate(prior) ** -2.0)
+    longest = LONGEST_STEP * np.concatenate([size, np.ones(2 * KINDS), extra])
+    T, shared, settled = T_cam_port, start, False
+    for count in range(ROUNDS):
+        gap_px, J_pose, J_shared = linearise(T, shared, measure, port, camera)
+        residual = gap_px - J_shared[..., MASKS] @ shared[MASKS]
+        weight, bend, residual_px, kept = _weights(residual)
+
+        # an image has [A B; B' C] [pose; shared] = [a; c], without its pose (C - B' A^-1 B) shared = score
+        r = np.where(weight > 0, residual, 0)[..., None]
+        J_pose_w, J_shared_w = (np.swapaxes(J * weight[..., None], -1, -2) for J in (J_pose, J_shared))
+        A = J_pose_w @ J_pose + 1e-3 * np.eye(6)  # an image without edges stays where it is
+        by_shared, by_edges = np.split(
+            np.linalg.solve(A, J_pose_w @ np.concatenate([J_shared, r], -1)), [-1], -1
+        )
+        free = J_shared - J_pose @ by_shared
+        S = (J_shared_w @ free)[kept].sum(0) + precision
+        score = (np.swapaxes(free * weight[..., None], -1, -2) @ r)[kept, :, 0]
+
+        step = _solve(S, score.sum(0) + precision @ (start - shared))
+        step = step * min(1.0, np.min(longest / np.maximum(np.abs(step), 1e-30)))
+        shared = shared + step
+        shared[1:5] = np.clip(shared[1:5], 0.1 * dimensions[1:], 5 * dimensions[1:])  # lengths
+        T = _moved(T, by_edges[..., 0] - by_shared @ step)
+        sigma = np.sqrt(_covariance(S, score, precision, bend).diagonal())
+        settled = bool(np.all(np.abs(step) < SETTLED * sigma))
+        if settled and count + 1 >= LEAST_ROUNDS:
+            break
+    ratio = float(np.exp(shared[FOCAL])) if focal else 1.0
+    ratio_sigma = ratio * float(sigma[FOCAL]) if focal else 0.0
+    return PortFit(with_dimensions(port, shared[SIZES]), sigma[SIZES], ratio, ratio_sigma, T, kept,
+                   shared[OFFSETS], residual_px, settled)  # fmt: skip
+
+
+def linearise(T: Pose, shared, measure: Measure, port: Port, camera: Camera):
+    """Measured gaps (N, K) px at poses (N,), and their derivatives by what would close them: by the poses
+    (N, K, 6) and by what all images share (N, K, Q)."""
+    sizes, focal = shared[SIZES], len(shared) > FOCAL
+    if focal:
+        ratio = np.exp(shared[FOCAL])
+        camera = replace(camera, fx_px=ratio * camera.fx_px, fy_px=ratio * camera.fy_px)
+    now = outline(with_dimensions(port, sizes))
+    turned, along, outward = (v @ np.swapaxes(T.rotation, -1, -2) for v in now)
+    in_cam = turned + T.position_m[:, None]  # (N, K, 3)
+    at = project(in_cam, camera)
+    by_point = np.stack([project(in_cam + d, camera) - project(in_cam - d, camera)
+                         for d in STEP_M * np.eye(3)], -1) / (2 * STEP_M)  # fmt: skip
+    u, v = np.moveaxis((by_point @ along[..., None])[..., 0], -1, 0)
+    normal = np.stack([v, -u], -1)
+    normal *= np.sign(np.sum(normal * (by_point @ outward[..., None])[..., 0], -1, keepdims=True))
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    gap_px = np.where(np.isfinite(at).all(-1), measure(at, normal), np.nan)
+
+    across = (normal[..., None, :] @ by_point)[..., 0, :]  # n' dp, (N, K, 3)
+    J_pose = np.concatenate([across, np.cross(turned, across)], -1)  # n' (w x R X) = w' (R X x n)
+    by_size = np.stack([outline(with_dimensions(port, sizes + d)).points_m - now.points_m
+                        for d in STEP_M * np.eye(len(sizes))], -1) / STEP_M  # fmt: skip
+    log_distance = np.log(np.linalg.norm(T.position_m, axis=-1))
+    mask = np.broadcast_to(np.eye(KINDS)[_kinds(len(by_size))], (*at.shape[:2], KINDS))
+    J = [np.einsum("nkj,nji,kid->nkd", across, T.rotation, by_size), mask,
+         mask * (log_distance - np.median(log_distance))[:, None, None]]  # fmt: skip
+    if focal:
+        J.append(np.sum(normal * (at - [camera.cx_px, camera.cy_px]), -1, keepdims=True))
+    return gap_px, np.nan_to_num(J_pose), np.nan_to_num(np.concatenate(J, -1))
+
+
+def _kinds(count: int) -> np.ndarray:
+    """Of each point of an outline (K,): 0 if it is the ring's, 1 if it is a marker's."""
+    return (np.arange(count) >= OF_RING.stop).astype(int)
+
+
+def _moved(T: Pose, step) -> Pose:
+    """Poses (N,) after steps (N, 6) m and rad, which are cut where they turn too far."""
+    angle_rad = np.linalg.norm(step[:, 3:], axis=1, keepdims=True)
+    step = step * np.minimum(1.0, LONGEST_TURN_RAD / np.maximum(angle_rad, 1e-12))
+    return Pose(Rotation.from_rotvec(step[:, 3:]).as_matrix() @ T.rotation, T.position_m + step[:, :3])
+
+
+def _weights(residual):
+    """Tukey's weights (N, K) over each kind's variance, 0 where nothing is measured; the ratio of their sum
+    to that of the influence's derivative; the kinds' standard deviations (2,) px; the images kept (N,)."""
+    seen, kinds = np.isfinite(residual), _kinds(residual.shape[1])
+    size, sigma_px, kept = np.where(seen, np.abs(residual), np.inf), np.zeros(KINDS), np.ones(len(seen), bool)
+    for kind in range(KINDS):
+        own, own_seen = size[:, kinds == kind], seen[:, kinds == kind]
+        typical_px = np.median(own[own_seen]) if own_seen.any() else 0.0
+        sigma_px[kind] = max(1.48 * typical_px, LEAST_SIGMA_PX)
+        median_px = np.array(
+            [np.median(row[row < np.inf]) if (row < np.inf).any() else np.inf for row in own]
+        )
+        kept &= (median_px < BAD_IMAGE * sigma_px[kind] / 1.48) & (own_seen.mean(1) > LEAST_SHARE)
+    u2 = np.minimum(size / (TUKEY * sigma_px[kinds]), 1.0) ** 2
+    weight, slope = (part * sigma_px[kinds] ** -2.0 for part in ((1 - u2) ** 2, (1 - u2) * (1 - 5 * u2)))
+    return weight, weight[kept].sum() / max(slope[kept].sum(), 1e-12), sigma_px, kept
+
+
+def _covariance(S, score, precision, bend: float) -> np.ndarray:
+    """Of what all images share, by how the images' own scores (N, Q) scatter: S^-1 (sum s s') S^-1.
+
+    Errors of one image's edges are alike, so an image counts as one observation, not as its hundreds of
+    edges; errors that images share are not seen.  S has Tukey's weights, and ``bend`` corrects it to the
+    influence's derivative.  What no image determines keeps the variance that it had before.
+    """
+    meat = score.T @ score * (len(score) / max(len(score) - 1, 1) * bend**2) + precision
+    return _solve(S, _solve(S, meat).T)
+
+
+def _solve(S, right) -> np.ndarray:
+    """S^-1 right, by a matrix of unit diagonal: metres stand beside pixels in S."""
+    scale = S.diagonal() ** -0.5
+    return (np.linalg.solve(S * np.outer(scale, scale), (right.T * scale).T).T * scale).T
