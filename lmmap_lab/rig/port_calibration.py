@@ -25,7 +25,7 @@ OF_RING = slice(0, 2 * RING_POINTS)  # in the order of `outline`
 KINDS = 2  # of edges: the ring's and the markers'
 SIZES, OFFSETS, MASKS, FOCAL = slice(0, 5), slice(5, 7), slice(5, 9), 9  # of what all images share
 
-PRIOR_SHARE = 1.0  # standard deviation of a dimension, in units of it, before anything is measured
+PRIOR_SHARE = 0.2  # standard deviation of a dimension, in units of it, before anything is measured
 OFFSET_PX = 0.3  # standard deviation of how far a mask reaches beyond its part, on all sides alike
 GROWTH_PX = 0.15  # standard deviation of how much that changes while the distance grows e times
 LOG_FOCAL = 0.5  # standard deviation of the focal length's logarithm before anything is measured

@@ -6,6 +6,7 @@ from pathlib import Path
 import calibrate_uncertainty
 import choose_look
 import choose_thresholds
+import measure_ports
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,6 +20,7 @@ from lmmap.settings import OURS
 from lmmap_lab.bench import photometry, varied
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, load_json
+from lmmap_lab.rig import port_views
 from lmmap_lab.studies import accuracy_run, between_images
 from lmmap_lab.training import dataset
 
@@ -36,6 +38,7 @@ TUNED_ON = {
     "tuning/choose_look.py": choose_look.SEQUENCES,
     "tuning/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
     "tuning/calibrate_confidence.py": wrong_poses.SEQUENCES,
+    "tuning/measure_ports.py": measure_ports.SEQUENCES,
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [drawn_as(name) for names in dataset.SETS.values() for name in names],
 }
@@ -122,6 +125,12 @@ def test_the_second_look_is_the_scripts_choice():
     looks = pd.read_csv(DATA / "results" / "looks.csv")
     assert set(looks.factor) == set(choose_look.FACTORS)
     assert choose_look.choice(looks, OURS.second_look_factor) == OURS.second_look_factor
+
+
+def test_the_deviations_of_a_measured_port_are_the_scripts_choice():
+    table = pd.read_csv(DATA / "results" / "measured-ports.csv")
+    assert set(table.sequence) == set(measure_ports.SEQUENCES)
+    assert measure_ports.choice(table, port_views.ALIKE) == port_views.ALIKE
 
 
 def test_another_second_look_needs_more_right_poses_than_chance():
