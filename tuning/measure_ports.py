@@ -21,7 +21,7 @@ from lmmap.types import Port
 from lmmap_lab.bench import sequences
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.rig import port_views
-from lmmap_lab.rig.port_calibration import DIMENSIONS, dimensions_m, with_dimensions
+from lmmap_lab.rig.port_outline import DIMENSIONS, dimensions_m, with_dimensions
 
 SEQUENCES, SECONDS, FRAME_HZ = [f"realistic-{n}" for n in range(53001, 53007)], 40.0, 1.0
 STANDARD = Port.lm_map()
@@ -44,7 +44,7 @@ def errors(name: str, shape: str) -> list[dict]:
 
 
 def choice(table: pd.DataFrame, present: float) -> float:
-    """What standard deviations are to be multiplied by, from a table that was made with the present factor."""
+    """What standard deviations are to be multiplied by, from a table made with the present factor."""
     return np.ceil(2 * present * np.sqrt(np.mean(table.sigmas**2))) / 2
 
 

@@ -13,7 +13,8 @@ from lmmap.recordings.sensors import load_camera
 from lmmap.types import InputError, Port
 
 from ..rig import port_views
-from ..rig.port_calibration import DIMENSIONS, PortFit, dimensions_m
+from ..rig.port_calibration import PortFit
+from ..rig.port_outline import DIMENSIONS, dimensions_m
 
 PORT_FILE = "port.json"
 

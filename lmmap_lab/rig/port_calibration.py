@@ -9,20 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lmmap.geometry.port import circle_points_m
 from lmmap.geometry.projection import project
-from lmmap.types import Camera, Port, Pose, frozen_array
+from lmmap.types import Camera, Port, Pose
 
-DIMENSIONS = ("plate's height", "markers' radius", "markers' length", "markers' depth", "ring's width")
-RING_POINTS, SIDE_POINTS = 72, 8  # of each of the ring's circles, and of each side of a marker
-OF_RING = slice(0, 2 * RING_POINTS)  # in the order of `outline`
-KINDS = 2  # of edges: the ring's and the markers'
+from .port_outline import KINDS, dimensions_m, kinds_of, outline, with_dimensions
+
 SIZES, OFFSETS, MASKS, FOCAL = slice(0, 5), slice(5, 7), slice(5, 9), 9  # of what all images share
 
 PRIOR_SHARE = 0.2  # standard deviation of a dimension, in units of it, before anything is measured
@@ -38,15 +33,6 @@ LONGEST_STEP, LONGEST_TURN_RAD = 0.2, 0.1  # in units of a dimension (px, logari
 STEP_M = 1e-6  # for derivatives
 
 Measure = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
-class Outline(NamedTuple):
-    """Points (K, 3) m on the edges of ring and markers, with directions (K, 3) along the edge and outward:
-    away from what a mask covers."""
-
-    points_m: np.ndarray
-    along: np.ndarray
-    outward: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -82,43 +68,6 @@ class PortFit:
     offset_px: np.ndarray
     residual_px: np.ndarray
     settled: bool
-
-
-def dimensions_m(port: Port) -> np.ndarray:
-    """Values (5,) of `DIMENSIONS`."""
-    width_m = port.ring_outer_radius_m - port.ring_inner_radius_m
-    return np.array([port.plate_height_m, port.marker_radius_m, *port.marker_size_m, width_m])
-
-
-def with_dimensions(port: Port, values_m) -> Port:
-    """A port with other `DIMENSIONS` (5,): its ring as wide within as without its centre line, its plate
-    larger in the ratio in which the markers' outer sides are further out, and all else as it was."""
-    height_m, radius_m, length_m, depth_m, width_m = map(float, values_m)
-    growth = (radius_m + depth_m / 2) / (port.marker_radius_m + port.marker_size_m[1] / 2)
-    return replace(
-        port, plate_height_m=height_m, marker_radius_m=radius_m, marker_size_m=(length_m, depth_m),
-        ring_inner_radius_m=port.ring_radius_m - width_m / 2,
-        ring_outer_radius_m=port.ring_radius_m + width_m / 2,
-        plate_circumradius_m=port.plate_circumradius_m * growth,
-    )  # fmt: skip
-
-
-@lru_cache(maxsize=16)
-def outline(port: Port) -> Outline:
-    """The ring's outer and inner edge, then the markers' sides without their corners."""
-    circle = circle_points_m(1.0, RING_POINTS)
-    turned = np.stack([-circle[:, 1], circle[:, 0], circle[:, 2]], -1)
-    corners = port.marker_corners_m()
-    side = np.roll(corners, -1, 1) - corners
-    middle = corners + side / 2
-    at_side = middle[:, :, None] + np.linspace(-0.3, 0.3, SIDE_POINTS)[:, None] * side[:, :, None]
-    outer, inner = port.ring_outer_radius_m * circle, port.ring_inner_radius_m * circle
-    along, outward = (np.broadcast_to(v[:, :, None], at_side.shape).reshape(-1, 3)
-                      for v in (side, middle - corners.mean(1, keepdims=True)))  # fmt: skip
-    return Outline(*map(frozen_array, (
-        np.concatenate([outer, inner, at_side.reshape(-1, 3)]),
-        np.concatenate([turned, turned, along]), np.concatenate([circle, -circle, outward]),
-    )))  # fmt: skip
 
 
 def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal: bool = False) -> PortFit:
@@ -203,17 +152,12 @@ def linearise(T: Pose, shared, measure: Measure, port: Port, camera: Camera):
     by_size = np.stack([outline(with_dimensions(port, sizes + d)).points_m - now.points_m
                         for d in STEP_M * np.eye(len(sizes))], -1) / STEP_M  # fmt: skip
     log_distance = np.log(np.linalg.norm(T.position_m, axis=-1))
-    mask = np.broadcast_to(np.eye(KINDS)[_kinds(len(by_size))], (*at.shape[:2], KINDS))
+    mask = np.broadcast_to(np.eye(KINDS)[kinds_of(len(by_size))], (*at.shape[:2], KINDS))
     J = [np.einsum("nkj,nji,kid->nkd", across, T.rotation, by_size), mask,
          mask * (log_distance - np.median(log_distance))[:, None, None]]  # fmt: skip
     if focal:
         J.append(np.sum(normal * (at - [camera.cx_px, camera.cy_px]), -1, keepdims=True))
     return gap_px, np.nan_to_num(J_pose), np.nan_to_num(np.concatenate(J, -1))
-
-
-def _kinds(count: int) -> np.ndarray:
-    """Of each point of an outline (K,): 0 if it is the ring's, 1 if it is a marker's."""
-    return (np.arange(count) >= OF_RING.stop).astype(int)
 
 
 def _moved(T: Pose, step) -> Pose:
@@ -226,7 +170,7 @@ def _moved(T: Pose, step) -> Pose:
 def _weights(residual):
     """Tukey's weights (N, K) over each kind's variance, 0 where nothing is measured; the ratio of their sum
     to that of the influence's derivative; the kinds' standard deviations (2,) px; the images kept (N,)."""
-    seen, kinds = np.isfinite(residual), _kinds(residual.shape[1])
+    seen, kinds = np.isfinite(residual), kinds_of(residual.shape[1])
     size, sigma_px, kept = np.where(seen, np.abs(residual), np.inf), np.zeros(KINDS), np.ones(len(seen), bool)
     for kind in range(KINDS):
         own, own_seen = size[:, kinds == kind], seen[:, kinds == kind]

@@ -16,14 +16,15 @@ from lmmap.pipeline.run import TimedImage, each_image, estimate_images, timed_im
 from lmmap.settings import OURS
 from lmmap.types import AnyRecording, InputError, Port, Pose, Status
 
-from .port_calibration import DIMENSIONS, OF_RING, PortFit, adjust, dimensions_m
+from .port_calibration import PortFit, adjust
+from .port_outline import DIMENSIONS, OF_RING, dimensions_m
 
 MOST_LOOKED_AT, MOST_IMAGES, LEAST_IMAGES = 240, 60, 12
 REACH_PX, STEP_PX = 6.0, 0.5  # of a profile across an edge
 BORDER_PX = 8.0 + REACH_PX  # around the markers: their plate may stand higher than the start has it
 LEAST_PEAK = 0.5  # of a mask along a profile, for an edge to be seen
 VIEW_NORMAL, VIEW_LOG_DISTANCE = 0.2, 0.25  # views that differ by as much are different
-ALIKE = 1.5  # times a standard deviation, for errors that all masks share; tuning/measure_ports.py
+ALIKE = 2.0  # times a standard deviation, for errors that all masks share; tuning/measure_ports.py
 UNDETERMINED = 0.05  # standard deviation, in units of a dimension
 MORE_VIEWS = {"plate's height": "tilted views, up to 45 deg to all sides",
               "focal length": "tilted views, near and far"}  # fmt: skip

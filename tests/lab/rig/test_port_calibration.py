@@ -18,7 +18,8 @@ from lmmap.recordings.formats import WRITERS
 from lmmap.types import Pose
 from lmmap_lab.bench import sequences
 from lmmap_lab.rig import port_calibration, port_views
-from lmmap_lab.rig.port_calibration import OF_RING, RING_POINTS, adjust, dimensions_m, with_dimensions
+from lmmap_lab.rig.port_calibration import adjust
+from lmmap_lab.rig.port_outline import OF_RING, RING_POINTS, dimensions_m, outline, with_dimensions
 
 
 def batch(poses) -> Pose:
@@ -116,7 +117,7 @@ def test_masks_that_are_wider_on_all_sides_change_no_height(port, camera, rng):
 def test_wrong_images_and_edges_do_no_harm(port, camera, rng):
     """A tenth of the edges are anywhere, and two images show another yaw than their start."""
     T, other = views(rng, 30), with_dimensions(port, OTHER * dimensions_m(port))
-    count = len(port_calibration.outline(port).points_m)
+    count = len(outline(port).points_m)
     error_px = np.where(rng.random((30, count)) < 0.1, rng.uniform(-6, 6, (30, count)), 0)
     start = disturbed(T, rng)
     turned = start[:2] @ Pose(facing_pose(np.pi, 0, np.deg2rad(25), np.zeros(3)).rotation, np.zeros(3))
@@ -135,7 +136,7 @@ def test_wrong_images_and_edges_do_no_harm(port, camera, rng):
 def test_standard_deviations_are_those_of_repetitions(port, camera, rng):
     """Errors of single edges, of all edges of an image alike, and of all a recording's masks alike."""
     T, known_m, errors_m, sigmas_m = views(rng, 24), dimensions_m(port), [], []
-    kinds = (np.arange(len(port_calibration.outline(port).points_m)) >= OF_RING.stop).astype(int)
+    kinds = (np.arange(len(outline(port).points_m)) >= OF_RING.stop).astype(int)
     log_distance = np.log(np.linalg.norm(T.position_m, axis=1))
     log_distance -= np.median(log_distance)
     for _ in range(40):
@@ -152,7 +153,7 @@ def test_standard_deviations_are_those_of_repetitions(port, camera, rng):
 
 def test_what_the_views_do_not_determine_is_said(port, camera, rng):
     def lines(T):
-        error_px = rng.normal(0, 0.3, (len(T), len(port_calibration.outline(port).points_m)))
+        error_px = rng.normal(0, 0.3, (len(T), len(outline(port).points_m)))
         return port_views.undetermined(adjust(T, ExactEdges(T, port, camera, error_px), port, camera))
 
     assert not lines(views(rng))
