@@ -96,11 +96,13 @@ def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal
     prior = [PRIOR_SHARE * size, np.repeat([OFFSET_PX, GROWTH_PX], KINDS), LOG_FOCAL * extra]
     precision = np.diag(np.concatenate(prior) ** -2.0)
     longest = LONGEST_STEP * np.concatenate([size, np.ones(2 * KINDS), extra])
-    T, shared, settled = T_cam_port, start, False
+    T, shared, settled, kept_before = T_cam_port, start, False, np.ones(len(T_cam_port), bool)
     for count in range(ROUNDS):
         gap_px, J_pose, J_shared = linearise(T, shared, measure, port, camera)
         residual = gap_px - J_shared[..., MASKS] @ shared[MASKS]
         weight, bend, residual_px, kept = _weights(residual)
+        kept &= kept_before | (count < ROUNDS // 2)  # late, none comes back: it might go and come for ever
+        kept_before = kept
 
         # an image has [A B; B' C] [pose; shared] = [a; c], without its pose (C - B' A^-1 B) shared = score
         r = np.where(weight > 0, residual, 0)[..., None]
