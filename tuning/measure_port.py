@@ -34,8 +34,8 @@ from wire_fit import FOCAL_PX, SEED, Fit, Overlay, at_focal, beside, measured
 from wire_model import COUNT, DIMENSIONS, PIECE_COUNT, SEGMENTS
 
 from lmmap.files import InputError
-from lmmap.recordings.pdf import pictures
 from lmmap_lab.provenance import DATA, save_json, save_table
+from lmmap_lab.studies.pdf import pictures
 
 TABLE, OUTLINES = (DATA / "results" / name for name in ("port.csv", "port-outlines.json"))
 FOCALS_PX = (424, 383, 345, FOCAL_PX, 310, 277)  # lenses of 7.8 to 5.1 mm

@@ -10,9 +10,11 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
+from lmmap.estimation.estimates import each_image, estimate_images
+from lmmap.estimation.images import TimedImage, timed_images
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
-from lmmap.pipeline.run import TimedImage, each_image, estimate_images, timed_images
+from lmmap.pipeline.masks import reflector_mask
 from lmmap.settings import OURS
 from lmmap.types import AnyRecording, InputError, Port, Pose, Status
 
@@ -133,7 +135,9 @@ def masks(views: Views, estimator: Estimator) -> Iterator[tuple[np.ndarray, np.n
 
     def both(timed: TimedImage):
         near = views.T_cam_port[timed.t_us : timed.t_us + 1]
-        return estimator.ring_network(timed.image), estimator.find_reflectors(timed.image, near)
+        seen_by = estimator.port, estimator.grid, estimator.settings.marker_border_px
+        reflectors = reflector_mask(estimator.reflector_network, timed.image, near, *seen_by)
+        return estimator.ring_network(timed.image), reflectors
 
     return each_image((TimedImage(i, image) for i, image in enumerate(views.images)), both)
 

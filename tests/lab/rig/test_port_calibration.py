@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import facing_pose
+from strategies import facing_pose
 
 from lmmap.cli import main
 from lmmap.files import InputError
@@ -14,9 +14,9 @@ from lmmap.geometry.conics import circle_conic
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_angle_rad
 from lmmap.pipeline.estimator import Estimator
-from lmmap.recordings.formats import WRITERS
 from lmmap.types import Pose
 from lmmap_lab.bench import sequences
+from lmmap_lab.bench.writers import WRITERS
 from lmmap_lab.rig import port_calibration, port_views
 from lmmap_lab.rig.port_calibration import adjust
 from lmmap_lab.rig.port_outline import OF_RING, RING_POINTS, dimensions_m, outline, with_dimensions
