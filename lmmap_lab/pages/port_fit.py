@@ -6,26 +6,10 @@ from collections.abc import Mapping
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.collections import LineCollection, PolyCollection
 
 from .drawings import COLOUR
 
-WORDS = {
-    "ring_inner": "ring, inner radius",
-    "plate_height": "plate above the ring",
-    "marker_inner": "marker, inner edge",
-    "marker_outer": "marker, outer edge",
-    "marker_half_length": "marker, half its length",
-    "plate_circumradius": "plate, circumradius",
-    "window_centre": "window, centre",
-    "window_half_radial": "window, half its radial size",
-    "window_half_tangential": "window, half its tangential size",
-    "petal_rise": "petal, rise",
-    "petal_lean": "petal, lean",
-    "petal_half_width_at_plate": "petal, half its width at the plate",
-    "petal_half_width_at_tip": "petal, half its width at the tip",
-}
 MARGIN_PX = 4
 DOT_PX = 0.85  # side of a pixel's mark, as the picture enlarged its pixels
 
@@ -62,19 +46,3 @@ def _squares(pixels) -> PolyCollection:
     """Squares in data units, so that pixels look like pixels at each size."""
     corner = DOT_PX / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return PolyCollection(pixels[:, None] + corner, facecolor=COLOUR["truth"], lw=0, alpha=0.55)
-
-
-def dimensions_table(port: pd.DataFrame) -> pd.DataFrame:
-    """Dimensions in words: the former drawing, the overlays with their interval, and mm.
-
-    Parameters
-    ----------
-    port
-        Rows of data/results/port.csv.
-    """
-    return pd.DataFrame({
-        "drawing": ["none" if np.isnan(value) else f"{value:.3f}" for value in port.drawing],
-        "overlays": [f"{value:.3f}" for value in port.overlays],
-        "95 % interval": [f"{low:.3f} to {high:.3f}" for low, high in zip(port.low, port.high, strict=True)],
-        "mm": [f"{value:.1f}" for value in port.mm],
-    }, index=port.dimension.map(WORDS)).rename_axis(index=None)  # fmt: skip

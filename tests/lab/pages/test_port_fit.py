@@ -1,8 +1,7 @@
-"""The drawing of the port's fit shows what the outlines hold, and the table what the measurement says."""
+"""The drawing of the port's fit shows what the outlines hold."""
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.collections import LineCollection, PolyCollection
 
 from lmmap_lab.pages import drawings, port_fit
@@ -39,14 +38,3 @@ def test_the_committed_outlines_are_described_and_the_model_runs_through_the_pix
         off_px = np.array([np.hypot(*(near - pixel).T).min() for pixel in pixels])
         assert np.median(off_px) < 0.5
     plt.close(fig)
-
-
-def test_the_table_has_words_for_every_dimension():
-    port = pd.read_csv(DATA / "results" / "port.csv")
-    table = port_fit.dimensions_table(port)
-    assert list(table.index) == list(port_fit.WORDS.values())
-    assert table.loc["window, centre", "drawing"] == "none"
-    assert table.loc["plate above the ring", "drawing"] == "0.525"
-    first = port.iloc[0]
-    assert list(table.iloc[0]) == [f"{first.drawing:.3f}", f"{first.overlays:.3f}",
-                                   f"{first.low:.3f} to {first.high:.3f}", f"{first.mm:.1f}"]  # fmt: skip
