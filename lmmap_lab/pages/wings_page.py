@@ -28,7 +28,7 @@ def draw_wings(wings: Mapping[str, Sequence[str]], imports: Sequence[tuple[str, 
             line = modules[k::lines]
             places |= {module: ((n + 0.5) / len(line), y - k) for n, module in enumerate(line)}
         heights[title], y = y - (lines - 1) / 2, y - lines - 0.6
-    fig, ax = plt.subplots(figsize=(7.6, 9.2))
+    fig, ax = plt.subplots(figsize=(7.6, 8.4))
     for pair in imports:
         x_pair, y_pair = zip(*(places[module] for module in pair), strict=True)
         ax.plot(x_pair, y_pair, color=COLOUR["ink"], lw=0.5, alpha=0.25, zorder=0)
