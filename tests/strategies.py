@@ -1,6 +1,7 @@
 """Random worlds that the tests share."""
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -9,7 +10,7 @@ from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import angle_between_rad, rotation_z
 from lmmap.settings import OURS
 from lmmap.tracking.edges import Edges
-from lmmap.types import EVENT, Camera, Ellipse, Port, Pose
+from lmmap.types import EVENT, Camera, Ellipse, InputError, Port, Pose
 
 CAMERA = Camera.davis346()
 WIDE = Camera(346, 260, 324.0, 320.0, 170.0, 131.0, (-0.35, 0.12, 0.001, -0.0008, 0.02))
@@ -106,3 +107,11 @@ def edge_events(rng, t_us, T, velocity, count=400, clutter=0, camera=CAMERA):
     events["p"] = np.concatenate([rate[b] > 0, rng.random(clutter) < 0.5])
     events["t_us"] = t_us + np.arange(len(events)) % 100
     return np.sort(events, order="t_us")
+
+
+def line(function, *arguments) -> str:
+    """The message of a function that refuses its input, in one line."""
+    with pytest.raises(InputError) as refused:
+        function(*arguments)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)

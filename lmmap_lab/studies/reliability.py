@@ -77,6 +77,12 @@ def share_intervals(table: pd.DataFrame) -> np.ndarray:
     return np.array([test.proportion_ci(method="wilson") for test in tests])
 
 
+def joined(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """One table of the images of sequences: `error_table.errors` of each, and `confidences` beside them."""
+    pairs = zip(errors, confidences, strict=True)
+    return pd.concat(e.merge(c, on="t_us", validate="one_to_one") for e, c in pairs)
+
+
 def of_sequences(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """`reliability` of the poses of sequences, with the ring in view.
 
@@ -93,8 +99,7 @@ def of_sequences(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFr
         With ``calibration_error``, and ``sure_wrong_percent``: how many of the poses with a confidence over
         `SURE` are wrong.
     """
-    pairs = zip(errors, confidences, strict=True)
-    table = pd.concat(e.merge(c, on="t_us", validate="one_to_one") for e, c in pairs)
+    table = joined(errors, confidences)
     poses = table[table.in_view & table.position_error_m.notna()]
     right, confidence = ~is_wrong(poses), poses.confidence.to_numpy()
     bins = reliability(confidence, right)

@@ -10,6 +10,8 @@ import pandas as pd
 from lmmap.evaluation.error_table import is_wrong
 from lmmap.settings import OURS, Settings
 
+from .reliability import joined
+
 LIMITS = (0.0, *np.arange(0.5, 0.96, 0.05).round(2))  # on the confidence
 ESTIMATORS = {"ours": "", "printed": "paper_"}  # prefix of the error columns
 
@@ -56,9 +58,7 @@ def by_limit(tables: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]
     DataFrame
         ``limit``, which is one of `LIMITS`, and the columns of `shares`.
     """
-    pairs = zip(tables, confidences, strict=True)
-    every = pd.concat(t[["t_us", "in_view"]].merge(c, on="t_us", validate="one_to_one") for t, c in pairs)
-    images = every[every.in_view]
+    images = joined(tables, confidences).query("in_view")
     answers = {limit: images.right.notna() & (images.confidence >= limit) for limit in LIMITS}
     rows = [{"limit": k} | shares(given, images.right == 0) for k, given in answers.items()]
     return pd.DataFrame(rows)

@@ -16,7 +16,6 @@ from attack_sound import CAMERA
 from test_accuracy_run import made_up
 from test_train import toy  # noqa: F401
 
-from lmmap.cli import main
 from lmmap.cli.arguments import parser
 from lmmap.types import InputError
 from lmmap_lab.bench import photometry
@@ -29,18 +28,6 @@ from lmmap_lab.training import train
 
 MINI = DATA / "mini" / "test-low.aedat4"
 NOTES = "notes that nobody has a copy of\nand a second line"
-
-
-@pytest.fixture
-def lmmap(capsys):
-    """Run a command; its exit code and what it printed."""
-
-    def run(*argv):
-        code = main.main([str(a) for a in argv])
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
 
 
 def suite(*arguments) -> subprocess.CompletedProcess:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.rosbag1 import Writer
+from strategies import line
 
 from lmmap.cli import main
-from lmmap.types import InputError
 from lmmap_lab.bench import rosbag_writer
 from lmmap_lab.rig import standin, tf, ur5e
 from lmmap_lab.rig.hand_eye_file import read_hand_eye
@@ -66,13 +66,6 @@ def test_joint_states_stand_in_for_links_that_tf_lacks(tmp_path, lacks):
             assert_moves_as(tf.arm_motion(path, "base_link", "tool0"))
     else:
         assert_moves_as(tf.arm_motion(path, "base_link", "tool0"))
-
-
-def line(function, *arguments) -> str:
-    with pytest.raises(InputError) as refused:
-        function(*arguments)
-    assert "\n" not in str(refused.value)
-    return str(refused.value)
 
 
 def test_a_missing_arm_is_named(tmp_path):

@@ -10,7 +10,6 @@ from pathlib import Path
 import drawn
 import pytest
 
-from lmmap.cli import main
 from lmmap.files import InputError, lock
 from lmmap.recordings.journal import Journal
 from lmmap.shipped import ROOT
@@ -18,18 +17,6 @@ from lmmap.types import Camera
 
 DRAWN = drawn.file(6)
 NOTES = "notes that nobody has a copy of\nand a second line"
-
-
-@pytest.fixture
-def lmmap(capsys):
-    """Run a command; its exit code and what it printed."""
-
-    def run(*argv):
-        code = main.main([str(a) for a in argv])
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
 
 
 def digests(folder: Path) -> dict[str, str]:

@@ -6,20 +6,14 @@ import os
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from strategies import line
 
 from lmmap.recordings.rig import RIG_FILE, Rig, find_rig, scale_port
-from lmmap.types import InputError, Port, Pose
+from lmmap.types import Port, Pose
 
 CAM_ROOT = Pose(Rotation.from_euler("xyz", [80, 3, -7], degrees=True).as_matrix(), [0.3, 0.4, 0.7])
 TIP_PORT = Pose(Rotation.from_euler("z", 17, degrees=True).as_matrix(), [0.004, -0.006, 0.11])
 RIG = Rig("base_link", "tool0", CAM_ROOT, TIP_PORT, 0.09, 0.016, {"detections": 3})
-
-
-def line(function, *arguments) -> str:
-    with pytest.raises(InputError) as refused:
-        function(*arguments)
-    assert "\n" not in str(refused.value)
-    return str(refused.value)
 
 
 def test_a_rig_survives_its_file(tmp_path):
