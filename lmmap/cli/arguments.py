@@ -17,6 +17,7 @@ ESTIMATE = """examples:
   lmmap estimate run.aedat4 --modality fused --track -o poses.csv      faster: each image where it is expected
   lmmap estimate run.aedat4 --modality event --track --between 500 -o poses.csv    events, too
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum       a trajectory in TUM's format
+  lmmap estimate bag --modality rgb -o poses.mcap --frame-id front_camera     for RViz and Foxglove
   lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
 """
 DRAW = """examples:
@@ -63,7 +64,10 @@ def _estimate(commands: Commands) -> None:
     command = commands.add("estimate", "lmmap.cli.estimation:estimate", text, ESTIMATE)
     commands.add_recording(command)
     _add_estimation(commands, command, required=True, fused=True)
-    commands.add_output(command, "poses to write, each as soon as it is known", required=True)
+    text = ("poses to write, each as soon as it is known; in a .bag (ROS 1) or .mcap (ROS 2) those of status "
+            "ok, on /tf and as PoseWithCovarianceStamped on /port_pose")  # fmt: skip
+    commands.add_output(command, text, required=True)
+    _add_frames(command)
     text = "format of the poses (default: tum if the name ends in .tum, else csv)"
     command.add_argument("--format", choices=("csv", "tum"), help=text)
     text = "overlay to write, .mp4 or .avi; takes two or three times as long"
@@ -112,7 +116,8 @@ def _live(commands: Commands) -> None:
     command = commands.add("live", "lmmap.cli.live:live", text, LIVE)
     commands.add_recording(command, nargs="?")
     _add_estimation(commands, command, required=True)
-    commands.add_output(command, "poses to write as well (CSV, or TUM if the name ends in .tum)")
+    commands.add_output(command, "poses to write as well (CSV, or by the name's end .tum, .bag, .mcap)")
+    _add_frames(command)
     command.add_argument("--seconds", type=float, help="end after so many seconds")
     _add_between(command, "with --modality event")
     command.add_argument("--json", action="store_true", help="print a line of JSON for each pose")
@@ -122,6 +127,12 @@ def _completion(commands: Commands) -> None:
     text = "print the completion script of a shell"
     command = commands.add("completion", "lmmap.cli.completion:completion", text, COMPLETION)
     command.add_argument("shell", choices=SHELLS)
+
+
+def _add_frames(command) -> None:
+    text = "the camera's frame in a bag, an optical one: x right, y down (default: camera)"
+    command.add_argument("--frame-id", metavar="NAME", help=text)
+    command.add_argument("--child-frame-id", metavar="NAME", help="the port's (default: port)")
 
 
 def _add_between(command, when: str) -> None:

@@ -25,7 +25,7 @@ from ..settings import MODALITIES
 from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
-from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input
+from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input, pose_bag
 from .progress import Bar, summary
 
 
@@ -39,7 +39,8 @@ def estimate(a) -> None:
     views = [view(path, port, stream.camera) for view, path in _views(a).items()]
     between, stopped = 0, False
     with ExitStack() as files:
-        journal = files.enter_context(_journal(a, a.output, a.format, a.modality, estimators))
+        journal = a.bag or _journal(a, a.output, a.format, a.modality, estimators)
+        files.enter_context(journal)
         resumed = len(journal.statuses)
         for view in views:
             files.enter_context(view)
@@ -72,15 +73,17 @@ def _check(a) -> None:
             raise InputError(f"{path}: a drawing cannot be resumed; leave it out, and use lmmap draw")
         if a.modality == "fused" and (path == a.video or not a.track):
             raise InputError(f"{path}: a drawing shows one camera's images; give --modality rgb or event")
-    if a.track and a.resume:
-        raise InputError(f"{a.output}: a track cannot be resumed; leave --resume out, and give --overwrite")
+    a.bag = None if a.format else pose_bag(a)
+    if a.resume and (a.track or a.bag):
+        what = "track" if a.track else "bag"
+        raise InputError(f"{a.output}: a {what} cannot be resumed; leave --resume out, and give --overwrite")
     a.format = a.format or ("tum" if a.output.suffix == ".tum" else "csv")
     if a.between is not None:
         if not a.track:
             raise InputError("--between: a track is followed between its images; give --track as well")
         check_between(a)
-        if a.format == "tum":
-            raise InputError(f"{a.output}: TUM's format cannot mark poses between images; name it .csv")
+        if a.format == "tum" or a.bag:
+            raise InputError(f"{a.output}: this format cannot mark poses between images; name it .csv")
     parts = [_part(a, m) for m in MODALITIES] if a.modality == "fused" and not a.track else []
     for path in (a.output, *parts):
         check_output(path, input_files(a), overwrite=a.overwrite or a.resume)

@@ -8,6 +8,7 @@ from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
+from ..recordings.pose_bags import STORES, PoseBag
 from ..recordings.rig import find_rig
 from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
@@ -28,6 +29,18 @@ def input_files(a) -> list[Path]:
     sidecars = [recording.with_suffix(ending) for ending in endings] if recording and recording.name else []
     named = [getattr(a, name, None) for name in ("camera", "port", "truth")]
     return [path for path in (recording, *sidecars, *named) if path]
+
+
+def pose_bag(a) -> PoseBag | None:
+    """The bag that the output's name asks for; None where it asks for a table."""
+    named = {
+        name: getattr(a, name) for name in ("frame_id", "child_frame_id") if getattr(a, name) is not None
+    }
+    if a.output.suffix.lower() in STORES:
+        return PoseBag(a.output, **named)
+    if named:
+        raise InputError(f"{a.output}: frames have names in bags only; name it .bag or .mcap")
+    return None
 
 
 def network_set(a) -> str:

@@ -18,7 +18,7 @@ from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Pose
-from .inputs import check_between, input_files, make_estimator, no_images, open_input
+from .inputs import check_between, input_files, make_estimator, no_images, open_input, pose_bag
 from .progress import add_colour, status_colour, summary
 
 
@@ -52,9 +52,9 @@ def live(a) -> None:
 def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
     """Print the track's answers; the images' statuses and delays, and how many images were skipped."""
     statuses, late_ms, skipped, last_us = [], [], 0, -np.inf
-    form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
     tracker = Tracker(estimator, events=bool(a.between))
-    with Journal(a.output, form) if a.output else nullcontext() as journal:
+    form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
+    with (pose_bag(a) or Journal(a.output, form)) if a.output else nullcontext() as journal:
 
         def tell(e: Estimate, newest_us: int) -> float:
             late_ms = (device.now_us() - newest_us) * 1e-3

@@ -1,0 +1,124 @@
+"""Poses as ROS messages, in a ROS 1 bag or an MCAP file of ROS 2, for viewers such as RViz and Foxglove."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from ..files import atomic, check_output, lock
+from ..types import Estimate, InputError, Status
+
+TOPICS = {"/port_pose": "geometry_msgs/msg/PoseWithCovarianceStamped", "/tf": "tf2_msgs/msg/TFMessage"}
+STORES = {".bag": get_typestore(Stores.ROS1_NOETIC), ".mcap": get_typestore(Stores.ROS2_HUMBLE)}
+STORES[".bag"].register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", TOPICS["/tf"]))
+END_US = 2**31 * 10**6  # of ROS's times
+
+
+class PoseBag:
+    """Reported poses as messages, in a file whose name ends in ``.bag`` (ROS 1) or ``.mcap`` (ROS 2).
+
+    Use it in a ``with`` block in place of a `Journal`.  Of each estimate that is ``ok``, ``/port_pose`` has
+    the pose with its covariance and ``/tf`` the transform, at the estimate's time.  A bag ends in an index,
+    so the file has its name only when the block has ended, whatever ended it.
+
+    Parameters
+    ----------
+    frame_id, child_frame_id
+        Names of the camera's frame, which is what ROS calls an optical frame, and of the port's.
+
+    Raises
+    ------
+    InputError
+        For what cannot be written, names that tf2 refuses, and times that ROS does not have.
+    """
+
+    def __init__(self, path, frame_id: str = "camera", child_frame_id: str = "port"):
+        names = frame_id, child_frame_id
+        if frame_id == child_frame_id or not all(re.fullmatch(r"[^/\s]\S*", name) for name in names):
+            raise InputError(f"--frame-id {frame_id!r}, --child-frame-id {child_frame_id!r}: give two names "
+                             "that differ, without spaces and without / in front")  # fmt: skip
+        self.path, self.statuses = check_output(path, overwrite=True), []
+        self._names, self._kind, self._held = names, self.path.suffix.lower(), ExitStack()
+        self._bag = None
+
+    def has(self, *times_us: int) -> bool:
+        """Whether an estimate is there from before: never, a bag is written from its beginning."""
+        return False
+
+    def add(self, estimate: Estimate) -> None:
+        """Write an estimate's messages, if it is ``ok``."""
+        self.statuses.append(str(estimate.status))
+        try:
+            if self._bag is None:
+                self._open()
+            if estimate.status == Status.OK:
+                self._write(estimate)
+        except OSError:
+            self._held.__exit__(*sys.exc_info())  # removes what was written, and raises an InputError
+            raise
+
+    def _open(self) -> None:
+        part = self._held.enter_context(atomic(self.path))
+        if self._kind == ".bag":
+            self._bag = rosbag1.Writer(part)
+        else:  # rosbags makes a folder of this name, and the file in it
+            folder = self._held.enter_context(TemporaryDirectory(prefix=".", dir=self.path.parent))
+            name, plugin = self.path.stem, rosbag2.StoragePlugin.MCAP
+            self._bag = rosbag2.Writer(Path(folder, name), version=9, storage_plugin=plugin)
+            self._held.callback(os.replace, Path(folder, name, f"{name}.mcap"), part)
+        self._bag.open()
+        self._held.callback(self._bag.close)
+        store = STORES[self._kind]
+        self._topics = [
+            self._bag.add_connection(topic, kind, typestore=store) for topic, kind in TOPICS.items()
+        ]
+
+    def _write(self, e: Estimate) -> None:
+        if not 0 <= e.t_us < END_US:
+            raise InputError(
+                f"{self.path}: a time of {e.t_us} us, and ROS has 0 to 2^31 s; name the output .csv"
+            )
+        store = STORES[self._kind]
+        serialize = store.serialize_ros1 if self._kind == ".bag" else store.serialize_cdr
+        for topic, message in zip(self._topics, messages(e, store.types, *self._names), strict=True):
+            self._bag.write(topic, 1000 * int(e.t_us), serialize(message, topic.msgtype))
+
+    def __enter__(self):
+        self._held.enter_context(lock(self.path))
+        return self
+
+    def __exit__(self, *_):
+        self._held.close()
+
+
+def messages(e: Estimate, types: dict, frame_id: str, child_frame_id: str) -> tuple:
+    """An estimate with a pose as the messages of `TOPICS`, made of the ``types`` of ROS 1 or 2.
+
+    ROS wants the covariance of x, y, z and of rotations about the fixed axes X, Y, Z of the header's frame,
+    the camera's: to first order, in which rotations commute, that is `Estimate.covariance`.
+    """
+
+    def make(name: str, *values):
+        return types[f"geometry_msgs/msg/{name}"](*values)
+
+    Header, Time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
+    number = {"seq": 0} if "seq" in Header.__annotations__ else {}  # in ROS 1
+    stamp = Time(int(e.t_us) // 10**6, int(e.t_us) % 10**6 * 1000)
+    header = Header(stamp=stamp, frame_id=frame_id, **number)
+    place_m, turn = (
+        e.T_cam_port.position_m.tolist(),
+        make("Quaternion", *e.T_cam_port.quaternion_xyzw.tolist()),
+    )
+    covariance = np.zeros(36) if e.covariance is None else np.ravel(e.covariance)
+    pose = make("PoseWithCovariance", make("Pose", make("Point", *place_m), turn), covariance)
+    transform = make("Transform", make("Vector3", *place_m), turn)
+    stamped = make("TransformStamped", header, child_frame_id, transform)
+    return make("PoseWithCovarianceStamped", header, pose), types[TOPICS["/tf"]]([stamped])
