@@ -17,7 +17,7 @@ from ..estimation.estimates import estimate_images, merge_by_time
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
-from ..pipeline.weights import FILTERS, weight_path
+from ..pipeline.weights import network_paths
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
@@ -139,9 +139,8 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
     """A table of some estimators' answers, which is known as this command's own by what they depend on."""
     first, weights = next(iter(estimators.values())), {}
     for e in estimators.values():
-        for shipped in (weight_path(f, e.modality, "low" if a.weights else network_set(a)) for f in FILTERS):
-            content = (Path(a.weights) / shipped.name if a.weights else shipped).read_bytes()
-            weights[shipped.name] = hashlib.sha256(content).hexdigest()[:16]
+        for file in network_paths(a.weights or network_set(a), e.modality):
+            weights[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
     made_of = {
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
         "format": a.format, "camera": asdict(first.camera), "port": asdict(first.port),

@@ -92,10 +92,18 @@ def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
     return MaskNetwork(net, modality, precision)
 
 
-def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
-    """The networks of the ring and of the reflectors from a shipped set, one of `DOMAIN_GAPS`, or from a
-    folder with files named as the low-domain-gap ones; errors as `load_weights`."""
+def network_paths(weights: str | Path, modality: str) -> list[Path]:
+    """The weight files of the ring and of the reflectors: of a shipped set, one of `DOMAIN_GAPS`, or of a
+    folder with files named as the low-domain-gap ones.  `InputError` for a folder of `lmmap export`."""
     shipped = weights in DOMAIN_GAPS
     paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
-    folder = paths[0].parent if shipped else Path(weights)
-    return [load_network(folder / path.name, modality, precision) for path in paths]
+    if shipped:
+        return paths
+    if any(Path(weights).glob("*.onnx")):
+        raise InputError(f"{weights}: holds networks in ONNX; name the weights that they were exported from")
+    return [Path(weights) / path.name for path in paths]
+
+
+def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
+    """The networks of the ring and of the reflectors by `network_paths`; errors as `load_weights`."""
+    return [load_network(path, modality, precision) for path in network_paths(weights, modality)]

@@ -29,6 +29,9 @@ CALIBRATE = """examples:
   lmmap calibrate T1_RA_0_ES_0_a.bag T2_RA_0_ES_1_a.bag --free -o rig.json
   lmmap calibrate own.aedat4 --port -o port.json     the dimensions of the port that it shows
 """
+EXPORT = """examples:
+  lmmap export robust -o onnx       four networks, and lmmap.json with all else that an integrator needs
+"""
 
 
 def simulate(commands: Commands) -> None:
@@ -66,6 +69,14 @@ def train(commands: Commands) -> None:
     command.add_argument("--restart", type=int, nargs="+", metavar="STEP", help=text)
     command.add_argument("--go-on", action="store_true", help="continue from weights that end at a restart")
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
+
+
+def export(commands: Commands) -> None:
+    text = "write mask networks in ONNX, for other runtimes; needs onnx"
+    command = commands.add("export", "lmmap_lab.cli.export:export", text, EXPORT)
+    text = f"a shipped set ({', '.join(DOMAIN_GAPS)}), or a folder with files named as those of lmmap"
+    command.add_argument("weights", metavar="WEIGHTS", help=text)
+    commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="a folder to make")
 
 
 def reproduce(commands: Commands) -> None:
