@@ -57,6 +57,7 @@ STUDIES = {
         "{}/s.h5",
     ),
     "photometry": ("-o", "{}/lamps.json"),
+    "export": ("low", "-o", "{}/onnx"),
     "train": ("--filter", "ring", "--modality", "event", "--domain-gap", "low", "--steps", "1"),
     "reproduce": ("--profile", "quick"),
     "check": (),
