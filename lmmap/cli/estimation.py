@@ -162,4 +162,5 @@ def _report(a, journal: Journal, resumed: int, stopped: bool, between: int) -> N
         also = f"; {between} poses between them" if a.between else ""
         print(f"{a.output}: {summary(counts)}{also}{before}")
     if stopped:
-        raise KeyboardInterrupt(f"{a.output} keeps what was estimated, --resume goes on")
+        remedy = "" if a.track or a.bag else ", --resume goes on"
+        raise KeyboardInterrupt(f"{a.output} keeps what was estimated{remedy}")

@@ -142,6 +142,19 @@ def test_the_command_writes_the_poses_that_it_writes_as_a_table(tmp_path, lmmap,
         np.testing.assert_allclose(posed.pose.pose.position.z, e.T_cam_port.position_m[2], rtol=1e-9)
 
 
+@both
+def test_an_interrupted_command_keeps_the_bag_so_far(tmp_path, lmmap, name, monkeypatch):
+    def stop(self, estimate):
+        self.images += 1
+        if self.images == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("lmmap.cli.estimation.Bar.add", stop)
+    code, _, err = lmmap("estimate", drawn.file(4), "--modality", "rgb", "-o", tmp_path / name)
+    assert code == 130 and err.endswith(f"{name} keeps what was estimated\n")
+    assert len(read(tmp_path / name)) == 4 and [p.name for p in tmp_path.iterdir()] == [name]
+
+
 def test_what_a_bag_cannot_do_is_one_line(tmp_path, lmmap):
     command = ["estimate", drawn.file(4), "--modality", "event"]
     for words, answer in (
