@@ -10,6 +10,10 @@ import numpy as np
 
 from ..types import Camera, Ellipse, Pose
 
+FLATTEST = 1e-3  # axis ratio: of a needle, 64-bit floats tell no pose
+FURTHEST = 300.0  # focal lengths from the optical axis, 89.8 degrees: beyond, the same
+SMALLEST_PX = 1e-2  # semi-axis
+
 
 def monomials(x) -> np.ndarray:
     """(..., 2) -> (..., 6)."""
@@ -95,3 +99,12 @@ def circle_conic(T_cam_circle: Pose, radius_m, camera: Camera) -> np.ndarray:
 def circle_ellipse(T_cam_circle: Pose, radius_m, camera: Camera) -> Ellipse:
     """Undistorted image of circles in space; NaN where it is no ellipse."""
     return ellipse_from_conic(circle_conic(T_cam_circle, radius_m, camera))[0]
+
+
+def is_view(ellipse: Ellipse, camera: Camera) -> bool:
+    """Whether ellipses are such that the poses of circles follow from them: finite, no needles, before the
+    camera."""
+    major, minor = np.moveaxis(ellipse.semi_axes_px, -1, 0)
+    reach_px = np.linalg.norm(ellipse.centre_px - camera.K[:2, 2], axis=-1) + major
+    good = (minor >= np.maximum(FLATTEST * major, SMALLEST_PX)) & np.isfinite(ellipse.angle_rad)
+    return bool(np.all(good & (reach_px <= FURTHEST * min(camera.fx_px, camera.fy_px))))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.conics import cone, conic_from_ellipse
+from ..geometry.conics import FLATTEST, FURTHEST, cone, conic_from_ellipse, is_view
 from ..types import Camera, Ellipse, Pose
 
 
@@ -28,9 +28,9 @@ def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     Raises
     ------
     ValueError
-        If the radius is not positive or an ellipse is not finite with positive semi-axes.
+        If the radius is not positive, or an ellipse is no `is_view` of a circle.
     """
-    _check(ellipse, radius_m)
+    _check(ellipse, camera, radius_m)
     eigenvalues, E = cone(conic_from_ellipse(ellipse), camera.K)
     l1, l2, l3 = np.moveaxis(eigenvalues, -1, 0)
     e1, e3 = E[..., :, 0], E[..., :, 2]
@@ -59,7 +59,7 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     ValueError
         As `poses`.
     """
-    _check(ellipse, radius_m)
+    _check(ellipse, camera, radius_m)
     major, minor = axis_bearings(ellipse, camera)
     p = printed_centre(major, radius_m)[..., None, :]
     nearer, _ = points_on_sphere(minor, p, radius_m)
@@ -124,11 +124,11 @@ def _sign(a) -> np.ndarray:
     return np.where(a >= 0, 1.0, -1.0)[..., None]
 
 
-def _check(ellipse: Ellipse, radius_m: float) -> None:
+def _check(ellipse: Ellipse, camera: Camera, radius_m: float) -> None:
     if not radius_m > 0:
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
-    for name in ("centre_px", "semi_axes_px", "angle_rad"):
-        if not np.all(np.isfinite(getattr(ellipse, name))):
-            raise ValueError(f"ellipse.{name}: expected finite values, got {getattr(ellipse, name)}")
-    if not np.all(ellipse.semi_axes_px > 0):
-        raise ValueError(f"ellipse.semi_axes_px: expected positive, got {ellipse.semi_axes_px}")
+    if not is_view(ellipse, camera):
+        raise ValueError(
+            f"ellipse: expected the view of a circle, within {FURTHEST:g} focal lengths and no flatter than "
+            f"{FLATTEST:g}, got {ellipse!r:.300}"
+        )

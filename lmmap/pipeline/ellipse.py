@@ -19,6 +19,8 @@ from ..geometry.conics import conic_matrix, ellipse_from_conic, monomials
 from ..settings import OURS, Settings
 from ..types import Ellipse
 
+MAX_SPREADS = 1e4  # that an axis may have of its points' spread: longer, they are a parabola's or a line's
+
 
 def fit(points_px) -> Ellipse:
     """Ellipse of least Sampson distance to points (M, 2), M >= 5, all of them inliers.
@@ -31,14 +33,15 @@ def fit(points_px) -> Ellipse:
         If the points are fewer than five, not finite, or determine no ellipse.
     """
     points = np.asarray(points_px, float)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 5 or not np.all(np.isfinite(points)):
-        raise ValueError(f"points_px: expected (M >= 5, 2) finite values, got shape {points.shape}")
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 5:
+        raise ValueError(f"points_px: expected shape (M >= 5, 2), got {points.shape}")
+    points = _finite(points)
     x, centre, scale = normalise(points)
     theta = direct_fit(x)
     if theta is not None:
         theta = sampson_fit(theta, x, np.ones(len(x)))
         ellipse, real = ellipse_from_conic(conic_matrix(theta))
-        if real:
+        if real and ellipse.semi_axes_px[0] <= MAX_SPREADS:
             return to_pixels(ellipse, centre, scale)
     raise ValueError("points_px: expected points of an ellipse, got none that determine one")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+
 import numpy as np
 
 from ..settings import OURS, PAPER
@@ -81,5 +83,5 @@ def window_histograms(
 
 
 def check_count(count: int) -> None:
-    if count < 1:
-        raise ValueError(f"count: expected at least 1, got {count}")
+    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
+        raise ValueError(f"count: expected at least 1, and a whole number, got {count!r:.40}")

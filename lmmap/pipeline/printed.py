@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..geometry.conics import is_view
 from ..geometry.projection import undistort_points
 from ..settings import PAPER, PaperSettings, Settings
 from ..types import Estimate, Port, Status
@@ -75,7 +76,7 @@ class PrintedEstimator(ImageEstimator):
         if len(points_px) < assumed.min_ring_pixels:
             return Estimate(t_us, Status.NO_RING)
         ring, _ = paper_ransac(undistort_points(points_px, grid), np.random.default_rng(0), assumed)
-        if ring is None:
+        if ring is None or not is_view(ring, grid):
             return Estimate(t_us, Status.NO_ELLIPSE)
         circles = paper_poses(ring, grid, port.ring_radius_m)
         reflectors = reflector_mask(self.reflector_network, image, circles, port, grid)

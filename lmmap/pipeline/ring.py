@@ -12,12 +12,15 @@ import numpy as np
 from skimage.filters import apply_hysteresis_threshold
 from skimage.morphology import skeletonize
 
+from ..geometry.conics import is_view
 from ..geometry.projection import undistort_points
 from ..refinement import contour
 from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Port, Status
 from . import ellipse, local_search
+
+MAX_WIDTHS = 4.0  # of the image, that a ring's semi-axis may have: what is sampled along it takes memory
 
 
 def find_ring(
@@ -86,7 +89,11 @@ def find_ellipse(
     """The ring's ellipse among a mask's points (M, 2), and which of them lie on it (M,)."""
     fitted, inliers = ellipse.fit_ransac(points_px, np.random.default_rng(0), settings)
     if fitted is None and settings.local_search:
-        return local_search.fit_local(points_px, mask, np.random.default_rng(0), camera, settings)
+        fitted, inliers = local_search.fit_local(points_px, mask, np.random.default_rng(0), camera, settings)
+    if fitted is not None and not (
+        is_view(fitted, camera) and fitted.semi_axes_px[0] <= MAX_WIDTHS * max(camera.size_px)
+    ):
+        return None, np.zeros(len(inliers), bool)
     return fitted, inliers
 
 

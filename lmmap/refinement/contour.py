@@ -107,6 +107,7 @@ def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarra
         cut = 4.7 * max(1.48 * np.median(r), 1e-9)
         theta = sampson_fit(theta, x, np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
     ellipse, real = ellipse_from_conic(conic_matrix(theta))
+    real = real and ellipse.semi_axes_px[0] < 10 and ellipse.semi_axes_px[1] > 0.01  # of the points' spread
     inlier = r < cut
     sigma = np.sqrt(np.sum(sampson_distance(theta, x)[inlier] ** 2) / max(inlier.sum() - 5, 1))
     return to_pixels(ellipse, centre, scale) if real else start, inlier, float(sigma * scale)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..geometry.conics import circle_ellipse
+from ..geometry.conics import circle_ellipse, is_view
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project
 from ..pipeline import circle
@@ -30,7 +30,7 @@ def expected_ring(
     poses = _standard_deviations(state)
     points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
     ellipse = circle_ellipse(state.T_cam_port, port.ring_radius_m, camera)
-    if not (np.isfinite(points_px).all() and np.isfinite(ellipse.semi_axes_px).all()):
+    if not (np.isfinite(points_px).all() and is_view(ellipse, camera)):
         return None
     sigma_px = np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
     margin_px = settings.crop_sigmas * sigma_px + strip_px(ellipse, port, settings) + 1

@@ -21,6 +21,8 @@ class Ellipse:
     def __post_init__(self):
         for f in fields(self):
             object.__setattr__(self, f.name, frozen_array(getattr(self, f.name)))
+        if np.any(self.semi_axes_px[..., 1] > self.semi_axes_px[..., 0] * (1 + 1e-9)):
+            raise ValueError(f"Ellipse: semi_axes_px, expected major first, got {self.semi_axes_px}")
 
     def points(self, count: int = 360) -> np.ndarray:
         """Points on the contour, shape (..., count, 2)."""

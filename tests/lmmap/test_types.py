@@ -98,6 +98,14 @@ def test_ellipse_points_reach_the_ends_of_the_axes():
     np.testing.assert_allclose(points, [[10, 24], [8, 20], [10, 16], [12, 20]], atol=1e-12)
 
 
+@pytest.mark.parametrize("axes", [(2, 4), (30.0, 30.1), [(4, 2), (2, 4)]])
+def test_the_first_axis_of_an_ellipse_is_the_larger_one(axes):
+    with pytest.raises(ValueError, match="major first"):
+        Ellipse([10, 20], axes, 0.5)
+    Ellipse([10, 20], [30.0, 30.0], 0.5)
+    Ellipse([10, 20], [np.nan, np.nan], 0.5)
+
+
 def test_camera_and_port_survive_the_round_trip_through_their_files(tmp_path):
     camera = Camera(640, 480, 500.0, 501.0, 320.5, 239.5, (0.1, -0.2, 0.0, 0.001))
     for instance in (camera, Camera.davis346(), Port.lm_map()):

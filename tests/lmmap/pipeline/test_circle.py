@@ -141,6 +141,22 @@ def test_an_ellipse_must_be_one(solve, ellipse):
 
 
 @both
+@pytest.mark.parametrize("centre", [(170, 130), (171.5, 90.25)])
+@pytest.mark.parametrize("axes", [(50, 1e-3), (50, 1e-12), (1e-300, 1e-300), (1e7, 40), (1e200, 1e100)])
+def test_needles_and_what_lies_far_outside_are_refused_quietly(solve, centre, axes):
+    with pytest.raises(ValueError, match="view of a circle"):
+        solve(Ellipse(centre, axes, 0.3), CAMERA, NU)
+    with pytest.raises(ValueError, match="view of a circle"):
+        solve(Ellipse([1e6, centre[1]], [50, 40], 0.3), CAMERA, NU)
+
+
+@both
+def test_strongly_tilted_circles_near_the_border_have_poses(solve):
+    solved = solve(Ellipse([3000, 130], [50, 1], 0.0), CAMERA, NU)
+    assert np.all(solved.position_m[:, 2] > 0) and np.all(np.isfinite(solved.rotation))
+
+
+@both
 def test_an_ellipse_around_the_principal_point_is_no_exception(solve):
     """All lines of sight around the optical axis, and a circle wider than it is far."""
     solved = solve(Ellipse([172.5, 129.5], [900.0, 700.0], 0.3), CAMERA, NU)

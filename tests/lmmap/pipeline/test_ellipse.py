@@ -1,3 +1,4 @@
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from strategies import CAMERA, PORT, ellipses, pose, seeds
 from lmmap.geometry import conics, rotations
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import ellipse
-from lmmap.pipeline.ring import binarise, skeleton_points
+from lmmap.pipeline.ring import binarise, find_ring, skeleton_points
 from lmmap.settings import OURS
 from lmmap.types import Ellipse
 
@@ -86,12 +87,53 @@ def test_the_fit_has_the_least_geometric_distance_of_all_nearby():
         np.column_stack([np.arange(10.0), np.arange(10.0)]),
         np.full((10, 2), np.nan),
         np.zeros((10, 3)),
+        np.array([(5.0, 1), (5, 2), (5, 3), (5, 4), (8, 3)]),
+        np.column_stack([np.linspace(-5, 5, 60), np.linspace(-5, 5, 60) ** 2]),
+        np.column_stack([np.linspace(-2, 9, 40) ** 2 / 7, np.linspace(-2, 9, 40)])
+        @ [[0.6, -0.8], [0.8, 0.6]],
+        np.column_stack([np.repeat(np.arange(20.0), 2)[1:], np.repeat(np.arange(20.0), 2)[:-1]]),
     ],
-    ids=["four", "one point", "line", "nan", "3-d"],
+    ids=[
+        "four",
+        "one point",
+        "line",
+        "nan",
+        "3-d",
+        "four on a line",
+        "parabola",
+        "turned parabola",
+        "stairs",
+    ],
 )
 def test_points_without_an_ellipse_are_refused(points):
     with pytest.raises(ValueError, match="points_px: expected"):
         ellipse.fit(points)
+
+
+def test_what_is_wrong_with_points_is_named():
+    points = Ellipse([150, 120], [60, 35], 0.5).points(50)
+    points[[3, 7]] = np.nan
+    with pytest.raises(ValueError, match="finite values, got 4 others"):
+        ellipse.fit(points)
+    with pytest.raises(ValueError, match=r"shape .*, got \(50,\)"):
+        ellipse.fit(points[:, 0])
+
+
+def test_a_hundredth_of_an_arc_is_still_an_ellipse():
+    e = Ellipse([150, 120], [800, 480], 0.5)
+    np.testing.assert_allclose(ellipse.fit(e.points(36_000)[:400]).semi_axes_px, [800, 480], rtol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_open_gates_take_no_memory(seed):
+    """What is sampled along an ellipse stays in proportion to the image, whatever noise the mask is."""
+    gates = dict(min_ring_pixels=0, min_axis_ratio=0.0, min_semi_major_px=0.0, min_contrast=-1.0)
+    gates |= dict(min_arc_coverage=0.0, mask_threshold=0.0, peak_share=0.0, contour_min_rays=0.0)
+    mask = np.random.default_rng(seed).random((260, 346)) ** (1 + 3 * seed)
+    tracemalloc.start()
+    find_ring(mask, PORT, CAMERA, replace(OURS, **gates))
+    assert tracemalloc.get_traced_memory()[1] < 2e8
+    tracemalloc.stop()
 
 
 def test_ransac_finds_whole_and_partial_rings_among_clutter():

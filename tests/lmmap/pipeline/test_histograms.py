@@ -57,7 +57,7 @@ def test_windows_before_end_strictly_before_their_time():
     assert windows_before(events[:0], [5], 2) == [None]
 
 
-@pytest.mark.parametrize("count", [0, -3])
+@pytest.mark.parametrize("count", [0, -3, 1.5, 3.0, True, "3"])
 def test_windows_need_an_event(count):
     with pytest.raises(ValueError, match="count: expected at least 1"):
         windows(np.zeros(5, EVENT), count)
