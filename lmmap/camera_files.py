@@ -1,4 +1,4 @@
-"""Cameras and ports as files: a dataclass's fields in JSON, or a calibration in YAML.
+"""Cameras and ports as files: a dataclass's fields in JSON, or a calibration of another program.
 
 Both read everything with one error, `InputError`, that names the file, the problem and the remedy.  A file is
 parsed only if it is short and flat, and each value is checked for its type and its range before it is used.
@@ -7,10 +7,12 @@ parsed only if it is short and flat, and each value is checked for its type and 
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-from .documents import check_fields, read_json, read_yaml, shown
+from . import calibrations
+from .documents import check_fields, read_json
 from .files import InputError as InputError
 from .files import atomic, read_text
 
@@ -27,7 +29,6 @@ CAMERA = {
     "cx_px": CENTRE_PX, "cy_px": CENTRE_PX, "distortion": (COEFFICIENT, (0, 4, 5)),
     "distortion_model": (str, "radtan", "equidistant"),
 }  # fmt: skip
-ROS_MODELS = {"plumb_bob": "radtan", "radtan": "radtan", "equidistant": "equidistant", "equi": "equidistant"}
 PORT = {
     **dict.fromkeys(("ring_radius_m", "ring_inner_radius_m", "ring_outer_radius_m", "plate_circumradius_m",
                      "marker_radius_m", "stem_radius_m"), LENGTH_M),
@@ -37,15 +38,48 @@ PORT = {
 }  # fmt: skip
 
 
-def read_camera(path, cls) -> dict:
-    """Fields of a camera from our JSON, or from an OpenCV, ROS or Kalibr calibration YAML."""
-    expected = "expected our JSON or a calibration YAML of OpenCV, ROS or Kalibr"
-    return _read(path, cls, CAMERA, "camera calibration", expected, _yaml_camera)
+def read_camera(path, cls, size_px=None, topics=()) -> dict:
+    """Fields of a camera from our JSON or from another program's calibration, as `calibrations` knows them.
+
+    Of several cameras in a file it is the one that ``FILE:NAME`` names, or that has the size and topic of a
+    recording; a warning says so where that leaves a choice.
+    """
+    path, wanted = split_name(path)
+    expected = "expected our JSON, or a calibration of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP"
+
+    def parse(text: str) -> dict:
+        if path.suffix == ".json" and not calibrations.is_foreign(values := read_json(text)):
+            return values
+        cameras = calibrations.cameras_in(text, path.suffix)
+        if wanted and wanted not in cameras:
+            raise ValueError(f"no camera {wanted:.30} among {', '.join(cameras):.100}")
+        name, others = (wanted, []) if wanted else calibrations.choose(cameras, size_px, topics)
+        values = calibrations.camera_fields(cameras[name], size_px)
+        if others:
+            other = f"not {', '.join(others):.100}; name another, as --camera {path.name}:{others[0]:.30}"
+            warnings.warn(f"{path}: taking {name:.30}, {other}", stacklevel=6)
+        return values
+
+    values = _read(path, cls, CAMERA, "camera calibration", expected, parse)
+    if reason := calibrations.odd(values):
+        warnings.warn(f"{path}: {reason}; check the calibration", stacklevel=4)
+    return values
+
+
+def camera_of(camera: dict, cls) -> dict:
+    """The fields of a camera that a recording holds, checked as those of a file; raises ValueError."""
+    return _checked(calibrations.camera_fields(camera), cls, CAMERA)
+
+
+def split_name(path) -> tuple[Path, str]:
+    """The file and the camera of ``FILE:NAME``; the name is empty where ``FILE`` is all."""
+    file, colon, name = str(path).rpartition(":")
+    return (Path(file), name) if colon and file and not Path(path).exists() else (Path(path), "")
 
 
 def read_port(path, cls) -> dict:
     """Fields of a port from our JSON."""
-    return _read(path, cls, PORT, "port", "expected a JSON object with the fields of lmmap.Port", None)
+    return _read(path, cls, PORT, "port", "expected a JSON object with the fields of lmmap.Port", read_json)
 
 
 def write_fields(path, instance) -> None:
@@ -55,97 +89,18 @@ def write_fields(path, instance) -> None:
         temporary.write_text(json.dumps(values, indent=1) + "\n")
 
 
-def _read(path, cls, schema: dict, what: str, expected: str, parse_yaml) -> dict:
+def _read(path, cls, schema: dict, what: str, expected: str, parse) -> dict:
     path = Path(path)
     text = read_text(path, MAX_BYTES)
     try:
-        values = read_json(text) if path.suffix == ".json" or parse_yaml is None else parse_yaml(text)
-        required = {f.name for f in fields(cls) if f.default is MISSING}
-        values = check_fields(values, schema, required)
-        cls(**values)  # what the class itself refuses is bad input too
-        return values
+        return _checked(parse(text), cls, schema)
     except ValueError as error:
         lines = str(error).strip().splitlines() or [""]
         raise InputError(f"{path}: not a {what} ({lines[0]:.200}); {expected}") from None
 
 
-def _yaml_camera(text: str) -> dict:
-    document = _mapping(read_yaml(text), "the document")
-    if "cam0" in document:
-        return _kalibr_camera(_mapping(document["cam0"], "cam0"))
-    model = document.get("distortion_model", "plumb_bob")
-    if not isinstance(model, str) or model not in ROS_MODELS:
-        raise ValueError(f"distortion model {shown(model)} is none of {', '.join(ROS_MODELS)}")
-    model = ROS_MODELS[model]
-    k = _data(document, "camera_matrix")
-    if len(k) != 9:
-        raise ValueError(f"camera_matrix: expected 9 numbers, got {len(k)}")
-    distortion = _data(document, "distortion_coefficients") if "distortion_coefficients" in document else []
-    most = 4 if model == "equidistant" else 5
-    if any(distortion[most:]):
-        expected = "k1, k2, k3, k4" if model == "equidistant" else "k1, k2, p1, p2, k3"
-        raise ValueError(f"{len(distortion)} distortion coefficients, expected {expected}")
-    values = {name: _entry(document, key) for name, key in (("width_px", "image_width"),
-                                                            ("height_px", "image_height"))}  # fmt: skip
-    values |= dict(zip(("fx_px", "fy_px", "cx_px", "cy_px"), (k[0], k[4], k[2], k[5]), strict=True))
-    return values | _lens(distortion[:most], model)
-
-
-def _kalibr_camera(camera: dict) -> dict:
-    """The first camera of a camchain."""
-    model = _entry(camera, "camera_model"), camera.get("distortion_model", "none")
-    if model[0] != "pinhole" or model[1] not in ("radtan", "equidistant", "equi", "none"):
-        raise ValueError(
-            f"camera model {model[0]!s:.20}-{model[1]!s:.20} is not pinhole-radtan or pinhole-equidistant"
-        )
-    size, intrinsics = _numbers(camera, "resolution", 2), _numbers(camera, "intrinsics", 4)
-    names = "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"
-    values = dict(zip(names, (*size, *map(_float, intrinsics)), strict=True))
-    coefficients = camera.get("distortion_coeffs") or []
-    if not isinstance(coefficients, list):
-        raise ValueError(f"distortion_coeffs: expected a list of numbers, got {shown(coefficients)}")
-    return values | _lens([_float(c) for c in coefficients], ROS_MODELS.get(model[1], "radtan"))
-
-
-def _lens(coefficients: list, model: str) -> dict:
-    """The fields of a lens; a fisheye without coefficients still is one."""
-    if model == "equidistant":
-        return {"distortion": coefficients or [0.0] * 4, "distortion_model": model}
-    return {"distortion": coefficients if any(coefficients) else []}
-
-
-def _mapping(value, name: str) -> dict:
-    if not isinstance(value, dict):
-        raise ValueError(f"{name}: expected names with values, got {shown(value)}")
-    return value
-
-
-def _entry(document: dict, key: str):
-    if key not in document:
-        raise ValueError(f"missing {key}")
-    return document[key]
-
-
-def _data(document: dict, key: str) -> list:
-    """The numbers of a matrix as OpenCV and ROS write it."""
-    values = _entry(_mapping(_entry(document, key), key), "data")
-    if not isinstance(values, list) or len(values) > 100:
-        raise ValueError(f"{key}: expected a list of numbers, got {shown(values)}")
-    return [_float(v) for v in values]
-
-
-def _numbers(document: dict, key: str, count: int) -> list:
-    values = _entry(document, key)
-    if not isinstance(values, list) or len(values) != count:
-        raise ValueError(f"{key}: expected {count} numbers, got {shown(values)}")
+def _checked(values: dict, cls, schema: dict) -> dict:
+    required = {f.name for f in fields(cls) if f.default is MISSING}
+    values = check_fields(values, schema, required)
+    cls(**values)  # what the class itself refuses is bad input too
     return values
-
-
-def _float(value):
-    """Whole numbers and, as YAML reads 1e-3 for a text, texts as floats; all else as it is, to be refused."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return value
-    try:
-        return float(value)
-    except (ValueError, OverflowError):
-        return value

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..camera_files import split_name
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.pose_bags import STORES, PoseBag
 from ..recordings.rig import find_rig
-from ..recordings.sensors import load_camera
 from ..recordings.stream import Stream
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
@@ -18,8 +18,7 @@ from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 
 def open_input(a, **options) -> Stream:
     """The recording of the command line."""
-    camera = load_camera(a.camera) if a.camera else None
-    return open_stream(a.recording, camera, fps=a.fps, **options)
+    return open_stream(a.recording, a.camera, fps=a.fps, **options)
 
 
 def input_files(a) -> list[Path]:
@@ -28,6 +27,7 @@ def input_files(a) -> list[Path]:
     endings = (".camera.json", ".truth.csv", ".truth.tum")
     sidecars = [recording.with_suffix(ending) for ending in endings] if recording and recording.name else []
     named = [getattr(a, name, None) for name in ("camera", "port", "truth")]
+    named[0] = named[0] and split_name(named[0])[0]
     return [path for path in (recording, *sidecars, *named) if path]
 
 

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from .images import decode
 from .limits import check_image
 from .stream import Source, in_chunks
 
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 TO_RGB = {
     "mono8": cv2.COLOR_GRAY2RGB, "8UC1": cv2.COLOR_GRAY2RGB,
@@ -66,7 +68,23 @@ def read(path: Path, dialect: Dialect) -> Source:
         span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
         details = partial(dict, topics=_topics(bag))
     events, frames = partial(_events, path, dialect, size_px), partial(_frames, path, dialect)
-    return Source(path, size_px, events, frames, span_us, details)
+    cameras, names = partial(_cameras, path, dialect), tuple(topic[0].topic for topic in topics if topic)
+    return Source(path, size_px, events, frames, span_us, details, cameras, names)
+
+
+def _cameras(path: Path, dialect: Dialect) -> dict[str, dict]:
+    """What the topics of sensor_msgs/CameraInfo say first, as `lmmap.calibrations` reads it; of a camera that
+    is not calibrated, nothing."""
+    cameras = {}
+    with dialect.open(path) as bag:
+        for c in sorted((c for c in bag.connections if c.msgtype == CAMERA_INFO), key=lambda c: c.topic):
+            for connection, _, raw in islice(bag.messages([c]), 1):
+                info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
+                values = {name: info[name] for name in ("width", "height", "distortion_model")}
+                values |= {name: info[name].tolist() for name in ("k", "d")}
+                if values["k"][0]:
+                    cameras[c.topic] = values | {"rostopic": c.topic}
+    return cameras
 
 
 def _events(path: Path, dialect: Dialect, size_px: tuple[int, int]) -> Iterator[np.ndarray]:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
+from .. import calibrations
+from ..camera_files import camera_of
 from ..files import CAMERA, beside, regular_file
 from ..types import Camera, InputError, Recording
 from . import aedat4, event_stream, hdf5, images, prophesee, rosbag, rosbag2, sensors, tables
@@ -24,8 +26,8 @@ def open_recording(path, camera: Camera | str | Path | None = None, *, fps: floa
     """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
 
     ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
-    ``NAME.camera.json``.  Without either, a recording of 346 x 260 px gets the nominal DAVIS 346 camera, with
-    a warning.  ``fps`` is the rate of a folder of pictures that have no times.
+    ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a recording of
+    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``fps`` is the rate of a folder of pictures that have no times.
     """
     return open_stream(path, camera, fps=fps).collect()
 
@@ -51,7 +53,7 @@ def open_stream(
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
                 check_times(t_us)
-    camera = _camera(path, source.size_px, camera, needed=checked)
+    camera = _camera(path, source, camera, needed=checked)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
@@ -66,10 +68,12 @@ def _kind(path: Path) -> str:
     return "folder" if path.is_dir() else path.suffix.lower()
 
 
-def _camera(path: Path, size_px, camera, needed: bool) -> Camera | None:
-    own = path.with_suffix(".camera.json")
+def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
+    own, size_px = path.with_suffix(".camera.json"), source.size_px
     if camera is None:
         camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
+    if camera is None:
+        camera = _camera_inside(source)
     if camera is None and size_px == Camera.davis346().size_px:
         warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
         return Camera.davis346()
@@ -81,12 +85,30 @@ def _camera(path: Path, size_px, camera, needed: bool) -> Camera | None:
             size += f" (as of {cameras})"
         raise InputError(f"{path}: no calibration for {size}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
-    camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera)
+    camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera, size_px, source.topics)
     if size_px is not None and camera.size_px != size_px:
         raise InputError(
             f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "
             f"{camera.width_px} x {camera.height_px} px; give the calibration of this camera"
         )
+    return camera
+
+
+def _camera_inside(source: Source) -> Camera | None:
+    """The camera that a recording itself describes; a warning says which, or why it is not used."""
+    if not (cameras := source.cameras()):
+        return None
+    name, others = calibrations.choose(cameras, source.size_px, source.topics)
+    try:
+        camera = Camera(**(values := camera_of(cameras[name], Camera)))
+    except ValueError as error:
+        warnings.warn(f"{source.path}: its own calibration {name} is not used ({error})", stacklevel=5)
+        return None
+    if source.size_px not in (None, camera.size_px):
+        return None
+    left = f", not {', '.join(others)}" if others else ""
+    odd = f"; {reason}, check it" if (reason := calibrations.odd(values)) else ""
+    warnings.warn(f"{source.path}: taking its own calibration {name}{left}{odd}", stacklevel=5)
     return camera
 
 

@@ -51,8 +51,11 @@ def nominal(name: str, focal_mm: float) -> Camera:
     return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
 
 
-def load_camera(text) -> Camera:
-    """The nominal camera that a text such as ``evk4:8mm`` asks for, or a calibration file's; raises
-    `InputError`."""
-    match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?mm", str(text))
-    return nominal(match[1], float(match[2])) if match else Camera.load(text)
+def load_camera(text, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
+    """The nominal camera that a text such as ``evk4:8mm`` asks for, or a calibration file's, of several
+    cameras that of a recording's size and topics; raises `InputError`."""
+    match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?([a-z]*)", str(text))
+    if match and match[3] != "mm" and match[1].lower() in SENSORS | ALIASES:
+        raise InputError(f"{text}: a focal length without mm; give {match[1]}:{match[2]}mm if it has so many")
+    nominal_lens = match and match[3] == "mm"
+    return nominal(match[1], float(match[2])) if nominal_lens else Camera.load(text, size_px, topics)

@@ -31,7 +31,9 @@ class Source:
     """What a reader found: ``events()`` yields chunks (M,) EVENT in the file's order, ``frames()`` yields
     ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
     None where the file does not say.  Both iterators raise `InputError` for what cannot be read.
-    ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``."""
+    ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``.
+    ``cameras()`` are calibrations in it, by name, for `lmmap.calibrations`, and ``topics`` its streams' names,
+    which tell several cameras apart."""
 
     path: Path
     size_px: tuple[int, int] | None = None
@@ -39,6 +41,8 @@ class Source:
     frames: Callable[[], Iterator[tuple[int, np.ndarray]]] = nothing
     span_us: tuple[int, int] | None = None
     details: Callable[[], dict] = dict
+    cameras: Callable[[], dict[str, dict]] = dict
+    topics: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,8 @@ def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
 
             source = value(partial(read, path, *options))
             streams = {name: partial(values, getattr(source, name)) for name in ("events", "frames")}
-            return replace(source, **streams, details=partial(value, source.details))
+            others = {name: partial(value, getattr(source, name)) for name in ("details", "cameras")}
+            return replace(source, **streams, **others)
 
         return read_safely
 

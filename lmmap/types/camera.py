@@ -71,9 +71,14 @@ class Camera:
         )  # fmt: skip
 
     @classmethod
-    def load(cls, path) -> Camera:
-        """Read our JSON, or an OpenCV or ROS calibration YAML; raises `InputError`."""
-        return cls(**camera_files.read_camera(path, cls))
+    def load(cls, path, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
+        """Read our JSON, or a calibration of OpenCV, ROS, Kalibr, dv-processing, Metavision, COLMAP, RPG or
+        SPEED+; raises `InputError`.
+
+        Of several cameras in a file it is that of ``FILE:NAME``, else that of a recording's size and topics,
+        else the first, with a warning.  A file that states no size is for images of ``size_px``.
+        """
+        return cls(**camera_files.read_camera(path, cls, size_px, topics))
 
     def save(self, path) -> None:
         """Write the JSON that `load` reads."""

@@ -9,7 +9,6 @@ from dataclasses import replace
 from lmmap.cli.inputs import input_files
 from lmmap.files import atomic, check_output
 from lmmap.recordings.formats import open_stream
-from lmmap.recordings.sensors import load_camera
 from lmmap.types import InputError, Port
 
 from ..rig import port_views
@@ -34,7 +33,7 @@ def calibrate_port(a) -> None:
         raise InputError(f"--rate {a.rate:g}: give a number of images per second between 0 and 10000")
     path, standard = a.bags[0], Port.lm_map()
     output = check_output(a.output or path.parent / PORT_FILE, input_files(a), overwrite=a.overwrite)
-    stream = open_stream(path, load_camera(a.camera) if a.camera else None)
+    stream = open_stream(path, a.camera)
     span, rate_hz = stream.source.span_us, a.rate
     if span and span[1] > span[0]:
         rate_hz = min(rate_hz, port_views.MOST_LOOKED_AT / (1e-6 * (span[1] - span[0])))

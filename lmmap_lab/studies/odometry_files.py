@@ -16,7 +16,6 @@ import numpy as np
 from lmmap.pipeline.histograms import histogram, middle_us, windows_before
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_truth, write_trajectory
-from lmmap.recordings.sensors import load_camera
 from lmmap.settings import PAPER
 from lmmap.types import InputError, Recording
 
@@ -110,7 +109,7 @@ def export_command(a) -> None:
     for source in filter(None, (a.recording, a.camera)):
         if Path(source).resolve().is_relative_to(a.folder.resolve()):
             raise InputError(f"{a.folder}: holds {source}, which is read; give another folder")
-    recording = open_recording(a.recording, load_camera(a.camera) if a.camera else None, fps=a.fps)
+    recording = open_recording(a.recording, a.camera, fps=a.fps)
     counts = export(recording, a.folder)
     events = len(recording.events)
     print(f"{a.folder}: {counts['rgb']} frames, {counts['event']} event frames, a bag with {events} events")

@@ -239,10 +239,11 @@ VALUES = (
 )
 
 
+@pytest.mark.filterwarnings("ignore:.*check the calibration")
 @pytest.mark.parametrize("value", VALUES)
 @pytest.mark.parametrize("whole", [YAML, KALIBR], ids=["ros", "kalibr"])
 def test_any_value_anywhere_in_a_calibration(tmp_path, whole, value):
-    """It is read, or refused in one line: every value and every name of it replaced in turn."""
+    """It is read, perhaps with a note, or refused in one line: each value and name replaced in turn."""
     (tmp_path / "c.yaml").write_text(whole)
     assert Camera.load(tmp_path / "c.yaml").size_px == (64, 48)
     refused = 0

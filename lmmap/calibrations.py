@@ -1,0 +1,211 @@
+"""Calibrations as other programs write them: what each calls a value and a lens, made fields of `Camera`.
+
+A file has cameras by name: `cameras_in` finds them, `choose` picks one, `camera_fields` reads it.
+"""
+
+from __future__ import annotations
+
+import re
+
+from .documents import read_json, read_yaml, shown
+
+# keys in small letters without _, of: Kalibr, dv-processing, M3ED; Metavision
+SIZE = ("resolution", "imagesize", "imgsize")
+SIDES = (("imagewidth", "imageheight"), ("width", "height"), ("nu", "nv"))  # OpenCV, ROS; CameraInfo; SPEED+
+MATRIX = ("cameramatrix", "intrinsics", "k")  # OpenCV, ROS, SPEED+; Kalibr, M3ED; CameraInfo
+COEFFICIENTS = ("distortioncoefficients", "distortioncoeffs", "d", "distcoeffs", "distortion")
+RADTAN, EQUIDISTANT = "radtan", "equidistant"
+LENSES = {  # by the key that names a lens: what its values are to us; None: nothing of distortion
+    "fisheyemodel": {"0": RADTAN, "1": EQUIDISTANT},  # OpenCV's sample
+    "distortionmodel": {  # ROS, Kalibr, M3ED, dv-processing
+        **dict.fromkeys(("plumbbob", "rationalpolynomial", "radtan", "radialtangential"), RADTAN),
+        **dict.fromkeys(("equidistant", "equi", "fisheye", "kannalabrandt", "kannalabrandt4"), EQUIDISTANT),
+        **dict.fromkeys(("none", ""), "none"),
+    },
+    "cameramodel": {"pinhole": None},  # Kalibr, M3ED
+    "type": {"pinhole": None, "fisheye": EQUIDISTANT, "kannalabrandt": EQUIDISTANT},  # Metavision
+    "unit": dict.fromkeys(("px", "pixel", "pixels")),
+}
+COLMAP = {  # its models, and the parameters of each
+    "SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k1",
+    "RADIAL": "f cx cy k1 k2", "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "SIMPLE_RADIAL_FISHEYE": "f cx cy k1", "RADIAL_FISHEYE": "f cx cy k1 k2",
+    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+}  # fmt: skip
+NAMES_A_LENS = re.compile(
+    r"model|unit|fisheye|omni|lens|mirror|distort|projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff"
+)
+NAMES = "fx_px", "fy_px", "cx_px", "cy_px"
+
+
+def is_foreign(document) -> bool:
+    """Whether a JSON document has another program's names, not those of `Camera`."""
+    names = {_word(key) for key in document} if isinstance(document, dict) else set()
+    return bool(names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names))
+
+
+def cameras_in(text: str, suffix: str) -> dict[str, dict]:
+    """The cameras that a file's text describes, by name, as the file has them; raises ValueError."""
+    if suffix == ".txt":
+        return _cameras_of_lines([line.split() for line in text.splitlines() if line[:1] not in ("#", "")])
+    document = _mapping(read_json(text) if suffix == ".json" else read_yaml(text), "the document")
+    if "cameras" in document:  # dv-processing
+        numbered = _mapping(document["cameras"], "cameras")
+    else:
+        numbered = {n: c for n, c in document.items() if re.fullmatch(r"cam\d+", str(n))}  # Kalibr
+    return {str(n): _mapping(c, str(n)[:30]) for n, c in numbered.items()} or {"": document}
+
+
+def _cameras_of_lines(lines: list[list[str]]) -> dict[str, dict]:
+    """Cameras of COLMAP's ``cameras.txt``, or of RPG's ``calib.txt``: fx fy cx cy, then k1 k2 p1 p2 k3."""
+    if lines and len(lines[0]) > 4 and lines[0][1].isupper():
+        return {line[0]: _colmap(line[1], line[2:4], line[4:]) for line in lines}
+    numbers = [_number(word) for line in lines for word in line]
+    if len(numbers) not in (4, 8, 9) or any(isinstance(n, str) for n in numbers):
+        raise ValueError("expected lines of COLMAP, or fx fy cx cy and none, four or five coefficients")
+    return {"": {"intrinsics": numbers[:4], "D": numbers[4:]}}
+
+
+def _colmap(model: str, size: list[str], numbers: list[str]) -> dict:
+    if model not in COLMAP or len(numbers) != len(COLMAP[model].split()):
+        known = ", ".join(COLMAP)
+        raise ValueError(f"COLMAP's model {shown(model)} of {len(numbers)} numbers is none of {known}")
+    p = dict(zip(COLMAP[model].split(), map(_number, numbers), strict=True))
+    f = [p.get(name, p.get("f")) for name in ("fx", "fy")]
+    # COLMAP counts from a pixel's corner, we from its centre
+    centre = [c - 0.5 if isinstance(c, float) else c for c in (p["cx"], p["cy"])]
+    lens = EQUIDISTANT if "FISHEYE" in model else RADTAN
+    order = ("k1", "k2", "k3", "k4") if lens == EQUIDISTANT else ("k1", "k2", "p1", "p2")
+    return {"resolution": size, "intrinsics": [*f, *centre], "D": [p.get(name, 0.0) for name in order],
+            "distortion_model": lens}  # fmt: skip
+
+
+def choose(cameras: dict[str, dict], size_px=None, topics=()) -> tuple[str, list[str]]:
+    """The camera of a recording's size and topics, and others that they fit as well."""
+    fitting = [n for n, c in cameras.items() if size_px is None or _size_px(_plain(c)) in (None, (*size_px,))]
+    fitting = fitting or list(cameras)
+    topic = {n: str(cameras[n].get("rostopic", cameras[n].get("name", ""))) for n in fitting}
+    places = {place for t in topics if (place := t.rpartition("/")[0])}
+    same = [n for n in fitting if topic[n] in topics]
+    first, *others = same or [n for n in fitting if topic[n].rpartition("/")[0] in places] or fitting
+    return first, others
+
+
+def camera_fields(camera: dict, size_px=None) -> dict:
+    """Fields of `Camera`; ``size_px`` is the recording's, for a file without it.  Raises ValueError."""
+    model, camera = _lens(camera), _plain(camera)
+    width_px, height_px = _size_px(camera) or size_px or (None, None)
+    if width_px is None:
+        raise ValueError("missing image_width and image_height, and no recording states them either")
+    names = ("focallength", "principalpoint") if "focallength" in camera else (MATRIX,)  # dv-processing
+    matrix = [n for name in names for n in _list(camera, name, "camera_matrix")]
+    coefficients = _list(camera, COEFFICIENTS)
+    expected = {EQUIDISTANT: "k1, k2, k3, k4", "none": ""}.get(model, "k1, k2, p1, p2, k3")
+    most = len(expected.split())
+    if any(coefficients[most:]):
+        raise ValueError(f"{len(coefficients)} distortion coefficients, expected {expected or 'none'}")
+    values = {"width_px": width_px, "height_px": height_px} | dict(zip(NAMES, _pinhole(matrix), strict=True))
+    if model == EQUIDISTANT:  # a fisheye without coefficients still is one
+        return values | {"distortion": coefficients[:most] or [0.0] * 4, "distortion_model": model}
+    return values | {"distortion": coefficients[:most] if any(coefficients) else []}
+
+
+def odd(values: dict) -> str | None:
+    """What hardly any camera has, in words: a centre far from the image's, its lens, oblong pixels."""
+    width, height, fx, fy, cx, cy = (values[n] for n in ("width_px", "height_px", *NAMES))
+    if abs(cx - (width - 1) / 2) > width / 4 or abs(cy - (height - 1) / 2) > height / 4:
+        return f"its centre ({cx:g}, {cy:g}) is far from the middle of {width} x {height} px"
+    if not 0.2 < fx / width < 50:
+        return f"its focal length is {fx:g} px for {width} px"
+    return None if 0.8 < fx / fy < 1.25 else f"its focal lengths differ, {fx:g} and {fy:g} px"
+
+
+def _lens(camera: dict) -> str | None:
+    """What the keys that name a lens say; ValueError at one that is unknown, or where they differ."""
+    found = set()
+    for key, value in camera.items():
+        key = str(key)
+        name = _word(int(value) if isinstance(value, bool) else value)
+        known = LENSES.get(_word(key).removesuffix("s"))
+        if known is None:
+            if NAMES_A_LENS.search(_word(key)) and _word(key) not in COEFFICIENTS:
+                raise ValueError(f"unknown {key:.30}, which may change what the numbers mean")
+        elif name not in known:
+            raise ValueError(f"{key} {shown(value)} is none of {', '.join(filter(None, known))}")
+        elif known[name]:
+            found.add(known[name])
+    if len(found) > 1:
+        raise ValueError(f"its keys name two lenses, {' and '.join(sorted(found))}")
+    return next(iter(found), None)
+
+
+def _word(value) -> str:
+    return str(value).lower().replace("_", "")
+
+
+def _plain(camera: dict) -> dict:
+    return {_word(key): value for key, value in camera.items()}
+
+
+def _pinhole(matrix: list) -> list:
+    """fx, fy, cx, cy of these four, or of a matrix of nine by rows; ValueError where it is none."""
+    if len(matrix) == 4:
+        return matrix
+    if len(matrix) != 9:
+        raise ValueError(f"camera_matrix: expected 9 numbers, got {len(matrix)}")
+    fx, skew, cx, below, fy, cy, *last = matrix
+    if all(isinstance(v, float) for v in matrix):  # others are refused for that
+        if last != [0, 0, 1]:
+            turned = "; it is transposed" if (cx, cy) == (0, 0) and any(last[:2]) else ""
+            raise ValueError(f"camera_matrix: last row {last}, expected [0, 0, 1]{turned}")
+        if below or abs(skew) > 1e-3 * abs(fx):
+            raise ValueError(f"camera_matrix: expected no skew, got {skew or below:g}")
+    return [fx, fy, cx, cy]
+
+
+def _size_px(camera: dict) -> tuple | None:
+    """Width and height where a camera states them."""
+    value = next((camera[key] for key in SIZE if key in camera), None)
+    camera = _plain(value) if isinstance(value, dict) else camera
+    if isinstance(value, list) and len(value) == 2:
+        return tuple(map(_whole, value))
+    if value is not None and not isinstance(value, dict):
+        raise ValueError(f"resolution: expected 2 numbers, got {shown(value)}")
+    sides = next((pair for pair in SIDES if {*pair} & {*camera}), None)
+    if sides and (missing := {*sides} - {*camera}):
+        raise ValueError(f"missing {missing.pop().replace('image', 'image_')}")
+    return tuple(_whole(camera[side]) for side in sides) if sides else None
+
+
+def _mapping(value, name: str) -> dict:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name}: expected names with values, got {shown(value)}")
+    return value
+
+
+def _list(camera: dict, keys, needed: str | None = None) -> list:
+    """Numbers of a list, of lists by rows, or of a matrix as OpenCV and ROS write it; none of nothing."""
+    key = next((key for key in ([keys] if isinstance(keys, str) else keys) if key in camera), None)
+    if key is None and needed:
+        raise ValueError(f"missing {needed}")
+    value = camera.get(key)
+    value = value.get("data") if isinstance(value, dict) else value
+    if value in (None, "") and not needed:
+        return []
+    if not isinstance(value, list) or len(value) > 100:
+        raise ValueError(f"{key}: expected a list of numbers, got {shown(value)}")
+    return [_number(v) for row in value for v in (row if isinstance(row, list) else [row])]
+
+
+def _number(value):
+    """Whole numbers and, as YAML reads 1e-3 for a text, texts as floats; all else as it is, to be refused."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return value
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return value
+
+
+def _whole(value):
+    return int(value) if isinstance(value, str) and value.isdecimal() and len(value) < 10 else value
