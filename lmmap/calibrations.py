@@ -82,7 +82,7 @@ def _colmap(model: str, size: list[str], numbers: list[str]) -> dict:
 
 def choose(cameras: dict[str, dict], size_px=None, topics=()) -> tuple[str, list[str]]:
     """The camera of a recording's size and topics, and others that they fit as well."""
-    fitting = [n for n, c in cameras.items() if size_px is None or _size_px(_plain(c)) in (None, (*size_px,))]
+    fitting = [n for n, c in cameras.items() if size_px is None or stated_size(c) in (None, (*size_px,))]
     fitting = fitting or list(cameras)
     topic = {n: str(cameras[n].get("rostopic", cameras[n].get("name", ""))) for n in fitting}
     places = {place for t in topics if (place := t.rpartition("/")[0])}
@@ -94,7 +94,7 @@ def choose(cameras: dict[str, dict], size_px=None, topics=()) -> tuple[str, list
 def camera_fields(camera: dict, size_px=None) -> dict:
     """Fields of `Camera`; ``size_px`` is the recording's, for a file without it.  Raises ValueError."""
     model, camera = _lens(camera), _plain(camera)
-    width_px, height_px = _size_px(camera) or size_px or (None, None)
+    width_px, height_px = stated_size(camera) or size_px or (None, None)
     if width_px is None:
         raise ValueError("missing image_width and image_height, and no recording states them either")
     names = ("focallength", "principalpoint") if "focallength" in camera else (MATRIX,)  # dv-processing
@@ -163,8 +163,9 @@ def _pinhole(matrix: list) -> list:
     return [fx, fy, cx, cy]
 
 
-def _size_px(camera: dict) -> tuple | None:
+def stated_size(camera: dict) -> tuple | None:
     """Width and height where a camera states them."""
+    camera = _plain(camera)
     value = next((camera[key] for key in SIZE if key in camera), None)
     camera = _plain(value) if isinstance(value, dict) else camera
     if isinstance(value, list) and len(value) == 2:
@@ -208,4 +209,6 @@ def _number(value):
 
 
 def _whole(value):
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
     return int(value) if isinstance(value, str) and value.isdecimal() and len(value) < 10 else value

@@ -7,4 +7,5 @@ them.
 MODALITIES = ("rgb", "event")
 DOMAIN_GAPS = ("high", "low", "robust")
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
+TIME_UNITS = ("s", "ms", "us", "ns")
 SHELLS = ("bash", "zsh", "tcsh")

@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from . import plugins
+from .choices import TIME_UNITS
 
 OWN, OTHERS = "commands", "commands of the laboratory behind the book"
 
@@ -102,8 +103,12 @@ class Commands:
         """Add the arguments that open a recording of any format."""
         text = "AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images"
         self.add_file(command, "recording", nargs=nargs, metavar=None, help=text)
-        text = ("calibration: our JSON, or YAML of OpenCV, ROS or Kalibr; or a sensor and its nominal lens, "
-                "such as evk4:8mm")  # fmt: skip
+        text = ("calibration: our JSON, or of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP (FILE:NAME of "
+                "several cameras); or a sensor and its nominal lens, such as evk4:8mm")  # fmt: skip
         self.add_file(command, "--camera", help=text)
         text = "pictures a second, of a folder without timestamps.txt"
         command.add_argument("--fps", type=float, metavar="HZ", help=text)
+        text = "unit of event times, in text, CSV, npy or HDF5 that does not state it"
+        command.add_argument("--time-unit", choices=TIME_UNITS, help=text)
+        text = "a stream of AEDAT4 with several cameras: its camera is taken"
+        command.add_argument("--stream", type=int, metavar="NUMBER", help=text)

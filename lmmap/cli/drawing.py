@@ -12,7 +12,7 @@ from ..pipeline.image_estimator import settings_for
 from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
 from ..types import Camera, InputError
-from .inputs import find_port, input_files, open_input
+from .inputs import as_read, find_port, input_files, open_input
 from .progress import Bar
 
 
@@ -52,7 +52,7 @@ def _view(a, camera: Camera) -> Overlay | RerunLog:
     made_of = {
         "recording": recording_mark(a.recording), "poses": recording_mark(a.poses), "fps": a.fps,
         "modality": a.modality, "rate": a.rate, "events": a.events,
-        "camera": asdict(camera), "port": asdict(port),
+        "camera": asdict(camera), "port": asdict(port), **as_read(a),
     }  # fmt: skip
     view = Overlay(a.output, port, camera, made_of, a.resume)
     if view.video.folder.exists() and not (a.resume or a.overwrite):

@@ -25,7 +25,16 @@ from ..settings import MODALITIES
 from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
-from .inputs import check_between, input_files, make_estimator, network_set, no_images, open_input, pose_bag
+from .inputs import (
+    as_read,
+    check_between,
+    input_files,
+    make_estimator,
+    network_set,
+    no_images,
+    open_input,
+    pose_bag,
+)
 from .progress import Bar, summary
 
 
@@ -145,7 +154,7 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
         "format": a.format, "camera": asdict(first.camera), "port": asdict(first.port),
         "settings": asdict(first.settings), "weights": weights,
-        **({"track": True, "between": a.between} if a.track else {}),
+        **as_read(a), **({"track": True, "between": a.between} if a.track else {}),
     }  # fmt: skip
     return Journal(path, form, a.resume, made_of)
 

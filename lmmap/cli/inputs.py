@@ -18,7 +18,13 @@ from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 
 def open_input(a, **options) -> Stream:
     """The recording of the command line."""
-    return open_stream(a.recording, a.camera, fps=a.fps, **options)
+    return open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
+
+
+def as_read(a) -> dict:
+    """What else the command line says of how a recording is read: only what it says."""
+    named = {name: getattr(a, name, None) for name in ("time_unit", "stream")}
+    return {name: value for name, value in named.items() if value is not None}
 
 
 def input_files(a) -> list[Path]:

@@ -8,18 +8,21 @@ stream, int32 size, compressed size-prefixed flatbuffer), table of packets.
 from __future__ import annotations
 
 import os
-import struct
+import re
+import warnings
 from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import lz4.frame
 import numpy as np
 from backports import zstd
 
-from ..types import EVENT
+from ..types import EVENT, InputError
+from .flatbuffers import Table, unpack
 from .limits import MAX_CHUNK_BYTES, MAX_RECORD_BYTES, check_image
 from .stream import Source, in_chunks, nothing, reader
 
@@ -32,42 +35,71 @@ DAMAGE = zstd.ZstdError, RuntimeError, ElementTree.ParseError
 
 
 @reader("damaged AEDAT4", "record or copy the file again", DAMAGE)
-def read(path: Path) -> Source:
-    """What is in a file; raises `InputError`.  Events and frames are of the first stream of each kind.
+def read(path: Path, stream: int | None = None) -> Source:
+    """What is in a file; raises `InputError`.  Events and frames are of one camera: the first, or that of
+    ``stream``; a warning names what is left out.
 
     Values are as stored: nothing here checks the order of time or the range of coordinates.
     """
     compression, end, streams = _header(path)
     if end >= 0 and not _whole_table(path, end, compression):
         raise ValueError("truncated in its table of packets")
-    first = {kind: (k, size_px) for k, (kind, size_px) in reversed(streams.items())}
-    used = {kind: first[kind] for kind in ("EVTS", "FRME") if kind in first}
-    sizes = {size_px for _, size_px in used.values()}
+    used = _chosen(path, streams, stream)
+    sizes = {streams[k].size_px for k in used.values()}
     if len(sizes) != 1:
         raise ValueError(f"expected events or frames of one size, found {sorted(sizes)}")
-    number = {kind: used[kind][0] if kind in used else None for kind in ("EVTS", "FRME")}
+    number = {kind: used.get(kind) for kind in ("EVTS", "FRME")}
     span_us, places = None, list(_packets(path, end, streams, number["EVTS"]))
     if places:
         ends = [_events_of(content) for content in _contents(path, compression, (places[0], places[-1]))]
         span_us = (int(ends[0]["t_us"][0]), int(ends[1]["t_us"][-1])) if all(map(len, ends)) else None
     events, frames = (partial(function, path, number[kind]) if kind in used else nothing
                       for kind, function in (("EVTS", _events), ("FRME", _frames)))  # fmt: skip
-    details = partial(_details, path, sorted(first), number["FRME"])
-    return Source(path, *sizes, events, frames, span_us, details)
+    details = partial(_details, path, sorted({s.kind for s in streams.values()}), number["FRME"])
+    cameras = tuple({streams[k].camera for k in used.values()})
+    return Source(path, *sizes, events, frames, span_us, details, topics=cameras)
 
 
-def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]]]:
-    """Compression, where packets end (-1: cut off while recording), kind and size_px of each stream."""
+class _Stream(NamedTuple):
+    """What the header says of a stream: what it holds, the sensor's size, and the camera's name."""
+
+    kind: str
+    size_px: tuple[int, int]
+    camera: str
+
+
+def _chosen(path: Path, streams: dict[int, _Stream], wanted: int | None) -> dict[str, int]:
+    """The numbers of the streams of events and of frames of one camera, by kind."""
+    seen = {k: s for k, s in streams.items() if s.kind in ("EVTS", "FRME")}
+    if wanted is not None and wanted not in seen:
+        raise ValueError(f"no events or frames in stream {wanted}, but in {', '.join(map(str, seen))}")
+    first = next(iter(seen), None) if wanted is None else wanted
+    used = {seen[k].kind: k for k in reversed(seen) if seen[k].camera == seen[first].camera}
+    used |= {seen[first].kind: first} if seen else {}
+    others = [f"{k} ({s.camera})" for k, s in seen.items() if k not in used.values()]
+    if others and wanted is None:
+        taken = f"{' and '.join(map(str, sorted(used.values())))} ({seen[first].camera})"
+        left = f"not {', '.join(others):.200}; choose with --stream"
+        warnings.warn(f"{path}: taking the streams {taken}, {left}", stacklevel=7)
+    return used
+
+
+def _header(path: Path) -> tuple[int, int, dict[int, _Stream]]:
+    """Compression, where packets end (-1: cut off while recording), and the streams by number."""
     length = path.stat().st_size
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
+        magic = file.read(len(MAGIC))
+        if old := re.match(rb"#!AER-DAT([123]\.\d)", magic):
+            remedy = "convert it to AEDAT4 with the converter of iniVation's DV"
+            raise InputError(f"{path}: AEDAT {old[1].decode()}, and only AEDAT4 is read; {remedy}")
+        if magic != MAGIC:
             raise ValueError("empty file" if length == 0 else "not an AEDAT4 file, whatever its name says")
-        (size,) = _unpack("<I", file.read(4))
+        (size,) = unpack("<I", file.read(4))
         if size > length - file.tell():
             raise ValueError("truncated in its header")
         if size > MAX_RECORD_BYTES:
             raise ValueError(f"a header of {size} bytes")
-        header = _Table(file.read(size), 0)
+        header = Table(file.read(size), 0)
     compression, end, node = header.number(0, "<i"), header.number(1, "<q", -1), header.vector(2, "u1")
     if compression not in (0, *DECOMPRESSORS):
         raise ValueError(f"unknown compression {compression}")
@@ -79,7 +111,8 @@ def _header(path: Path) -> tuple[int, int, dict[int, tuple[str, tuple[int, int]]
         if "typeIdentifier" in values and stream.get("name", "").isdigit():
             inner = {a.get("key"): a.text for a in stream.iter("attr")}
             size_px = int(inner.get("sizeX", 0)), int(inner.get("sizeY", 0))
-            streams[int(stream.get("name"))] = values["typeIdentifier"], size_px
+            camera = inner.get("source") or ""
+            streams[int(stream.get("name"))] = _Stream(values["typeIdentifier"], size_px, camera)
     return compression, end, streams
 
 
@@ -92,7 +125,7 @@ def _whole_table(path: Path, at: int, compression: int) -> bool:
         data = file.read()
     try:
         table = _decompress(data, compression)
-        return len(table) == 4 + _unpack("<I", table[:4])[0]
+        return len(table) == 4 + unpack("<I", table[:4])[0]
     except (ValueError, RuntimeError, zstd.ZstdError):
         return False
 
@@ -102,10 +135,10 @@ def _packets(path: Path, end: int, streams, wanted: int | None) -> Iterator[tupl
     stop = path.stat().st_size if end < 0 else end
     with path.open("rb") as file:
         file.seek(len(MAGIC))
-        file.seek(_unpack("<I", file.read(4))[0], os.SEEK_CUR)
+        file.seek(unpack("<I", file.read(4))[0], os.SEEK_CUR)
         at = file.tell()
         while at + 8 <= stop:
-            stream, size = _unpack("<ii", file.read(8))
+            stream, size = unpack("<ii", file.read(8))
             whole = at + 8 + size <= stop
             if stream not in streams or not 0 < size <= MAX_CHUNK_BYTES or not (whole or end < 0):
                 raise ValueError(f"damaged packet at byte {at}")
@@ -146,7 +179,7 @@ def _events(path: Path, stream: int) -> Iterator[np.ndarray]:
 
 
 def _events_of(content: bytes) -> np.ndarray:
-    packed = _Table(content).vector(0, "V16")  # laid out like EVENT
+    packed = Table(content).vector(0, "V16")  # laid out like EVENT
     if packed.view("u1")[12::16].max(initial=0) > 1:
         raise ValueError("a packet with polarities that are none")
     return packed.view(EVENT)
@@ -157,7 +190,7 @@ def _details(path: Path, kinds: list[str], frames: int | None) -> dict:
     if frames is None:
         return {"streams": kinds}
     exposures_us = [
-        _Table(content).number(11, "<q") for content in islice(_stream(path, frames), FIRST_FRAMES)
+        Table(content).number(11, "<q") for content in islice(_stream(path, frames), FIRST_FRAMES)
     ]
     known = any(exposures_us)
     return {"streams": kinds, "exposure_ms": float(np.median(exposures_us)) / 1000 if known else None}
@@ -165,7 +198,7 @@ def _details(path: Path, kinds: list[str], frames: int | None) -> dict:
 
 def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
     for content in _stream(path, stream):
-        frame = _Table(content)
+        frame = Table(content)
         kind, width, height = (frame.number(k, form) for k, form in ((5, "<b"), (6, "<h"), (7, "<h")))
         if kind not in CHANNELS:
             raise ValueError(f"a frame of unknown format {kind}")
@@ -173,42 +206,6 @@ def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
         pixels = frame.vector(10, "u1").reshape(height, width, CHANNELS[kind])
         # stamped at the start of the exposure; ours is its middle
         yield frame.number(0, "<q") + round(frame.number(11, "<q") / 2), rgb(pixels)
-
-
-class _Table:
-    """The root table of a flatbuffer (after its size, or at ``start``), every offset checked."""
-
-    def __init__(self, content: bytes, start: int = 4):
-        self._content = content
-        self._at = start + self._read("<I", start)
-        self._fields = self._at - self._read("<i", self._at)
-        self._size = self._read("<H", self._fields)
-
-    def _read(self, form: str, at: int):
-        if at < 0:  # Python would count from the end
-            raise ValueError("a packet with an offset out of it")
-        return _unpack(form, self._content[at : at + struct.calcsize(form)])[0]
-
-    def _place(self, field: int) -> int | None:
-        slot = self._read("<H", self._fields + 4 + 2 * field) if 6 + 2 * field <= self._size else 0
-        return self._at + slot if slot else None
-
-    def number(self, field: int, form: str, default: int = 0) -> int:
-        at = self._place(field)
-        return default if at is None else self._read(form, at)
-
-    def vector(self, field: int, dtype) -> np.ndarray:
-        at = self._place(field)
-        if at is None:
-            return np.zeros(0, dtype)
-        at += self._read("<I", at)
-        return np.frombuffer(self._content, dtype, self._read("<I", at), at + 4)
-
-
-def _unpack(form: str, content: bytes) -> tuple:
-    if len(content) != struct.calcsize(form):
-        raise ValueError("truncated")
-    return struct.unpack(form, content)
 
 
 def rgb(image: np.ndarray) -> np.ndarray:

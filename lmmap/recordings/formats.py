@@ -20,40 +20,58 @@ from .bounded_bag2 import METADATA
 from .limits import check_times
 from .pose_files import read_truth
 from .stream import Source, Stream, input_errors
+from .units import UNITS
 
 
-def open_recording(path, camera: Camera | str | Path | None = None, *, fps: float | None = None) -> Recording:
+def open_recording(path, camera: Camera | str | Path | None = None, **options) -> Recording:
     """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
 
     ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
     ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a recording of
-    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``fps`` is the rate of a folder of pictures that have no times.
+    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``options`` are those of `open_stream`.
     """
-    return open_stream(path, camera, fps=fps).collect()
+    return open_stream(path, camera, **options).collect()
 
 
 def open_stream(
-    path, camera: Camera | str | Path | None = None, *, checked: bool = True, fps: float | None = None
+    path,
+    camera: Camera | str | Path | None = None,
+    *,
+    checked: bool = True,
+    fps: float | None = None,
+    stream: int | None = None,
+    time_unit: str | None = None,
 ) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 
     Faults in the data are raised when they are met.  With ``checked=False`` they never are, and a recording
-    without a calibration is no error: its stream has no camera.
+    without a calibration is no error: its stream has no camera.  ``fps`` is the rate of a folder of pictures
+    that have no times, ``stream`` one of AEDAT4 whose camera is meant, and ``time_unit`` (s, ms, us or ns)
+    that of the times of events in files that do not state it.
     """
+    if time_unit not in (None, *UNITS):
+        raise ValueError(f"time_unit: expected one of {', '.join(UNITS)}, got {time_unit!r:.40}")
+    named = {"fps": fps, "stream": stream, "time_unit": time_unit}
     path = Path(path)
     if not path.is_dir():
         regular_file(path)
     kind = _kind(path)
     if kind not in READERS:
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
-    if fps is not None and kind != "folder":
-        raise InputError(f"{path}: --fps {fps:g} is for a folder of pictures; leave it out")
-    source = READERS[kind](path) if fps is None else images.read_numbered(path, fps)
+    options = {name: value for name, value in named.items() if value is not None}
+    for name, value in options.items():
+        if kind not in OPTIONS[name][0]:
+            flag = f"--{name.replace('_', '-')} {value}"
+            raise InputError(f"{path}: {flag} is for {OPTIONS[name][1]}; leave it out")
+    source = (images.read_numbered if "fps" in options else READERS[kind])(path, **options)
     if source.span_us:
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
                 check_times(t_us)
     camera = _camera(path, source, camera, needed=checked)
+    if source.guessed and (doubt := source.guessed.doubt(camera.size_px if camera else source.size_px)):
+        taken = f"its times are taken as {source.guessed.unit}"
+        warnings.warn(f"{path}: {taken}; {doubt}", stacklevel=3)
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
@@ -118,7 +136,7 @@ def _read_folder(path: Path) -> Source:
 
 
 FORMATS = (  # what it is, how its name ends, its reader
-    ("AEDAT4 of iniVation's DV", (".aedat4",), aedat4.read),
+    ("AEDAT4 of iniVation's DV", (".aedat4", ".aedat"), aedat4.read),
     ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), rosbag.read),
     ("ROS 2 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".mcap", ".db3"), rosbag2.read),
     ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
@@ -133,3 +151,8 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}
+OPTIONS = {  # of `open_stream`: the suffixes that each is for, and what these are
+    "fps": (("folder",), "a folder of pictures"),
+    "stream": ((".aedat4", ".aedat"), "AEDAT4 of several cameras"),
+    "time_unit": ((".txt", ".csv", ".npy", ".h5", ".hdf5"), "events as text, CSV, npy or HDF5"),
+}

@@ -9,38 +9,52 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from ..calibrations import stated_size
 from ..types import event_array
 from . import prophesee
-from .hdf5_datasets import blocks, open_dataset
+from .hdf5_datasets import blocks, open_dataset, open_text
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
+from .units import Guessed, microseconds
+
+COLUMNS = ("events", "prophesee/left", "prophesee/right")  # groups with t, x, y, p: DSEC's and ours, M3ED's
+CALIBRATION = ("resolution", "intrinsics", "distortion_coeffs", "camera_model", "distortion_model")  # M3ED
 
 
 @reader(
     "not a recording in HDF5", "give one as DSEC's or MVSEC's, or copy it again", (RuntimeError, KeyError)
 )
-def read(path: Path) -> Source:
+def read(path: Path, time_unit: str | None = None) -> Source:
     """Size where the file says it (else None); raises `InputError`.
 
-    DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``.  MVSEC: ``davis/left/events`` with rows
+    DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``; M3ED: the same in ``prophesee/left``, with
+    its calibration.  MVSEC: ``davis/left/events`` with rows
     x, y, seconds, polarity, and ``image_raw`` with ``image_raw_ts``.
     Prophesee: ``CD/events`` with fields x, y, p, t.
     """
     with h5py.File(path, "r") as file:
-        if "events/t" in file:
-            t = _columns(file)[0]
-            span_us = tuple(_offset_us(file) + int(t[k]) for k in (0, -1)) if len(t) else None
-            size_px = _stated_size_px(file)
-            frames = partial(_frames, path, "", "frames", "frames_t_us")
-            return Source(path, size_px, partial(_events, path, _dsec), frames, span_us)
+        group = next((name for name in COLUMNS if f"{name}/t" in file), None)
+        if group:
+            t, offset_us = _columns(file, group)[0], _offset_us(file, time_unit)
+            cameras = _cameras(file, f"{group}/calib")
+            size_px = _stated_size_px(file) or next(map(stated_size, cameras.values()), None)
+            events = partial(_events, path, partial(_dsec, group=group, time_unit=time_unit))
+            frames, span_us, guessed = partial(_frames, path, "", "frames", "frames_t_us"), None, None
+            if len(t):
+                ends = np.array([t[0], t[-1]])
+                span_us = tuple(offset_us + int(end_us) for end_us in microseconds(ends, time_unit))
+                guessed = None if time_unit else Guessed.of(np.r_[t[:1000], t[-1000:]], len(t), ends)
+            inside = partial(dict, cameras)
+            return Source(path, size_px, events, frames, span_us, cameras=inside, guessed=guessed)
         if "davis/left" in file:
             name = "davis/left/image_raw"
             size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
-            frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts")
-            return Source(path, size_px, partial(_events, path, _mvsec), frames)
+            frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts", time_unit)
+            return Source(path, size_px, partial(_events, path, partial(_mvsec, time_unit=time_unit)), frames)
         if prophesee.HDF5_EVENTS in file:
-            events = partial(_events, path, prophesee.hdf5_events)
-            return Source(path, prophesee.hdf5_size_px(file), events, span_us=prophesee.hdf5_span_us(file))
+            events = partial(_events, path, partial(prophesee.hdf5_events, time_unit=time_unit))
+            span_us = prophesee.hdf5_span_us(file, time_unit)
+            return Source(path, prophesee.hdf5_size_px(file), events, span_us=span_us)
         raise ValueError("neither events/t nor davis/left nor CD/events in it")
 
 
@@ -54,15 +68,26 @@ def _stated_size_px(file: h5py.File) -> tuple[int, int] | None:
     return int(size[0]), int(size[1])
 
 
-def _columns(file: h5py.File) -> list[h5py.Dataset]:
-    columns = [open_dataset(file, f"events/{name}", 1) for name in "txyp"]
+def _cameras(file: h5py.File, group: str) -> dict[str, dict]:
+    """The calibration of a group, as `lmmap.calibrations` reads it; none where it is not whole."""
+    try:
+        values = {n: open_dataset(file, f"{group}/{n}", 1)[:100].tolist() for n in CALIBRATION[:3]}
+        return {group: values | {n: open_text(file, f"{group}/{n}") for n in CALIBRATION[3:]}}
+    except (KeyError, ValueError):
+        return {}
+
+
+def _columns(file: h5py.File, group: str) -> list[h5py.Dataset]:
+    columns = [open_dataset(file, f"{group}/{name}", 1) for name in "txyp"]
     if len({c.shape for c in columns}) != 1:
         raise ValueError(f"columns of shapes {', '.join(str(c.shape) for c in columns)}")
     return columns
 
 
-def _offset_us(file: h5py.File) -> int:
-    return int(open_dataset(file, "t_offset", 0)[()]) if "t_offset" in file else 0
+def _offset_us(file: h5py.File, time_unit: str | None) -> int:
+    if "t_offset" not in file:
+        return 0
+    return int(microseconds(np.atleast_1d(open_dataset(file, "t_offset", 0)[()]), time_unit)[0])
 
 
 def _events(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> Iterator[np.ndarray]:
@@ -71,22 +96,24 @@ def _events(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> 
             yield from pieces(events, CHUNK)
 
 
-def _dsec(file: h5py.File) -> Iterator[np.ndarray]:
-    offset_us = _offset_us(file)
-    for columns in blocks(CHUNK, *_columns(file)):
-        yield event_array(*columns, offset_us=offset_us)
+def _dsec(file: h5py.File, group: str, time_unit: str | None) -> Iterator[np.ndarray]:
+    offset_us = _offset_us(file, time_unit)
+    for t, *columns in blocks(CHUNK, *_columns(file, group)):
+        yield event_array(microseconds(t, time_unit), *columns, offset_us=offset_us)
 
 
-def _mvsec(file: h5py.File) -> Iterator[np.ndarray]:
+def _mvsec(file: h5py.File, time_unit: str | None) -> Iterator[np.ndarray]:
     rows = open_dataset(file, "davis/left/events", 2)
     if rows.shape[1] != 4:
         raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
     for (block,) in blocks(CHUNK, rows):
         x, y, t, p = block.T
-        yield event_array(t, x, y, p, seconds=True)
+        yield event_array(microseconds(t, time_unit or "s"), x, y, p)
 
 
-def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[int, np.ndarray]]:
+def _frames(
+    path: Path, group: str, images: str, times: str, time_unit: str | None = None
+) -> Iterator[tuple[int, np.ndarray]]:
     with h5py.File(path, "r") as file:
         if group + images not in file:
             return
@@ -98,16 +125,15 @@ def _frames(path: Path, group: str, images: str, times: str) -> Iterator[tuple[i
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(block))
+        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(block, time_unit))
         images = (image for (block,) in blocks(1, pixels) for image in block)
         for frame_us, image in zip(times, images, strict=True):
             yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
 
 
-def _times_us(t: np.ndarray) -> list[int]:
-    """Times in microseconds: floats are seconds."""
-    if t.dtype.kind != "f":
-        return t.tolist()
-    if not np.all(np.abs(t) <= MAX_TIME_US / 1e6):  # NaN neither
+def _times_us(t: np.ndarray, time_unit: str | None) -> list[int]:
+    """Times in microseconds: floats are seconds unless a unit is given."""
+    t_us = microseconds(t, time_unit)
+    if not np.all(np.abs(t_us.astype(float)) <= MAX_TIME_US):  # NaN neither
         raise ValueError("a time of an image is beyond any clock's")
-    return np.rint(t * 1e6).astype(np.int64).tolist()
+    return t_us.astype(np.int64).tolist()

@@ -15,6 +15,7 @@ from ..types import event_array
 from .evt import Evt2, Evt3, Evt21, HighTime
 from .hdf5_datasets import blocks, open_dataset
 from .stream import CHUNK, Source, in_chunks, reader
+from .units import microseconds
 
 PIECE = 1 << 18  # bytes decoded at once
 MAX_HEADER = 1 << 16  # bytes; real headers have a few hundred
@@ -116,16 +117,17 @@ def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
     return (int(size[1]), int(size[2])) if size else None
 
 
-def hdf5_events(file: h5py.File) -> Iterator[np.ndarray]:
+def hdf5_events(file: h5py.File, time_unit: str | None) -> Iterator[np.ndarray]:
     """Arrays of events of the data set ``CD/events``; ValueError where it cannot be read."""
     for (e,) in blocks(CHUNK, _rows(file)):
-        yield event_array(*(e[name] for name in "txyp"))
+        yield event_array(microseconds(e["t"], time_unit), *(e[name] for name in "xyp"))
 
 
-def hdf5_span_us(file: h5py.File) -> tuple[int, int] | None:
+def hdf5_span_us(file: h5py.File, time_unit: str | None) -> tuple[int, int] | None:
     """Time of the first and of the last event."""
     rows = _rows(file)
-    return (int(rows[0]["t"]), int(rows[len(rows) - 1]["t"])) if len(rows) else None
+    ends = microseconds(np.array([rows[k]["t"] for k in (0, len(rows) - 1)]), time_unit) if len(rows) else ()
+    return tuple(map(int, ends)) or None
 
 
 def hdf5_size_px(file: h5py.File) -> tuple[int, int] | None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
 from .limits import check_times
+from .units import Guessed
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
 
@@ -32,8 +33,8 @@ class Source:
     ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
     None where the file does not say.  Both iterators raise `InputError` for what cannot be read.
     ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``.
-    ``cameras()`` are calibrations in it, by name, for `lmmap.calibrations`, and ``topics`` its streams' names,
-    which tell several cameras apart."""
+    ``cameras()`` are its own calibrations, for `lmmap.calibrations`; ``topics`` name its streams; ``guessed``
+    are times whose unit it does not state."""
 
     path: Path
     size_px: tuple[int, int] | None = None
@@ -43,6 +44,7 @@ class Source:
     details: Callable[[], dict] = dict
     cameras: Callable[[], dict[str, dict]] = dict
     topics: tuple[str, ...] = ()
+    guessed: Guessed | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
 
     def decorate(read: Callable[..., Source]) -> Callable[..., Source]:
         @wraps(read)
-        def read_safely(path: Path, *options) -> Source:
+        def read_safely(path: Path, *options, **named) -> Source:
             def value(function: Callable):
                 with input_errors(path, problem, remedy, errors):
                     return function()
@@ -126,7 +128,7 @@ def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
                 with input_errors(path, problem, remedy, errors):
                     yield from function()
 
-            source = value(partial(read, path, *options))
+            source = value(partial(read, path, *options, **named))
             streams = {name: partial(values, getattr(source, name)) for name in ("events", "frames")}
             others = {name: partial(value, getattr(source, name)) for name in ("details", "cameras")}
             return replace(source, **streams, **others)

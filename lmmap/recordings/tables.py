@@ -2,14 +2,17 @@
 with a header, or a structured array in ``.npy``.
 
 Columns are found by the names that people use.  The unit of time is what its name states, as in ``t_us``,
-``timestamp (ns)`` or ``time [s]``; without one, whole numbers are microseconds and others seconds.
+``timestamp (ns)`` or ``time [s]``; without one, whole numbers are microseconds and others seconds.  Lines of
+text without names may have the columns in another order, and begin with the sensor's size, as E2VID's do.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice, permutations
 from pathlib import Path
 from tokenize import TokenError
 from typing import BinaryIO
@@ -22,6 +25,7 @@ from ..files import regular_file
 from ..types import event_array
 from .limits import MAX_LINE_BYTES
 from .stream import CHUNK, Source, pieces, reader
+from .units import Guessed, microseconds
 
 SPELLINGS = {
     "t": r"(?:t|ts|time|timestamp|timestamps)(?:[ _]*[\[( _](?P<unit>s|sec|seconds|ms|us|µs|μs|ns)[\])]?)?",
@@ -30,8 +34,10 @@ SPELLINGS = {
     "p": r"(?:p|pol|polarity|on)",
 }
 MORE = "fields beyond the header"
-NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
-               "µs": 1000, "μs": 1000}  # fmt: skip
+SOME = 1000  # times by which their unit is judged
+ORDER_LINES = 200  # by which the order of columns is known
+SIZE, NUMBER = re.compile(rb"\s*(\d{1,5})\s+(\d{1,5})\s*"), re.compile(rb"[-+.\deE]+")
+ORDERS = [order for order in map("".join, permutations("txyp")) if order.index("x") < order.index("y")]
 table_of_events = reader(
     "not a table of events",
     "expected columns named t, x, y and p, with t in us or with its unit, such as t_ns",
@@ -40,44 +46,88 @@ table_of_events = reader(
 
 
 @reader("not events as text", "expected lines 't x y p' with t in seconds, or in whole microseconds")
-def read_text(path: Path) -> Source:
+def read_text(path: Path, time_unit: str | None = None) -> Source:
     """Events of lines ``t x y p``: seconds where ``t`` has a decimal point, else microseconds."""
-    return _read_lines(path, lambda _: list("txyp"), r"\s+")
+    return _read_lines(path, _text_header, time_unit)
 
 
 @table_of_events
-def read_csv(path: Path) -> Source:
+def read_csv(path: Path, time_unit: str | None = None) -> Source:
     """Events of a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the sensor's size."""
-    return _read_lines(path, _header, ",")
+    return _read_lines(path, _header, time_unit)
 
 
 @table_of_events
-def read_npy(path: Path) -> Source:
+def read_npy(path: Path, time_unit: str | None = None) -> Source:
     """Events of a structured array; raises `InputError`.  Nothing in the file is executed."""
     rows, _ = _npy(path)
     columns, unit, size_px = _columns(rows.dtype.names)
-    return Source(path, size_px, partial(_npy_events, path, columns, unit))
+    unit = time_unit or unit
+    events = partial(_npy_events, path, columns, unit)
+    t = rows[columns["t"]]
+    guessed = None if unit or not len(t) else Guessed.of(t[:: len(t) // SOME + 1], len(t), t[[0, -1]])
+    return Source(path, size_px, events, guessed=guessed)
 
 
-def _header(file: BinaryIO) -> list[str]:
-    """Names in the first line that is neither empty nor a comment; the file is left behind it."""
+def _header(file: BinaryIO) -> tuple[list[str], str, None]:
+    """Names in the first line that is neither empty nor a comment, what stands between them, and no size; the
+    file is left behind it."""
     line = b"#"
     while line.startswith(b"#") or line.isspace():
         line = file.readline(MAX_LINE_BYTES)
-    return [name.strip().strip('"') for name in line.decode().split(",")]
+    return [name.strip().strip('"') for name in line.decode().split(",")], ",", None
 
 
-def _read_lines(path: Path, names_of: Callable[[BinaryIO], list[str]], separator: str) -> Source:
-    """Events of the lines behind what ``names_of`` reads."""
+def _text_header(file: BinaryIO) -> tuple[list[str], str, tuple[int, int] | None]:
+    """Order of the columns, what stands between them, and the sensor's size where a first line is one; the
+    file is left behind that.  Another order than t x y p is taken where no other one fits, with a warning."""
+    start, size_px, rows = 0, None, []
+    for line in islice(iter(partial(file.readline, MAX_LINE_BYTES), b""), ORDER_LINES):
+        if not rows and (match := SIZE.fullmatch(line)):
+            start, size_px = file.tell(), (int(match[1]), int(match[2]))
+        elif (
+            (words := line.partition(b"#")[0].split())
+            and len(words) == 4
+            and all(map(NUMBER.fullmatch, words))
+        ):
+            rows.append(words)
+    file.seek(start)
+    order = _order(np.array(rows, float)) if rows else "txyp"
+    if order != "txyp":
+        warnings.warn(f"{file.name}: taking its columns as {' '.join(order)}", stacklevel=5)
+    return list(order), r"\s+", size_px
+
+
+def _order(rows: np.ndarray) -> str:
+    """The only order of columns in which lines (N, 4) are events, or t x y p."""
+    is_p = np.all(np.isin(rows, (-1, 0, 1)), 0)
+    grows = np.all(np.diff(rows, axis=0) >= 0, 0)
+    if is_p[3] and grows[0]:
+        return "txyp"
+    broken = np.any(rows % 1, 0)  # into parts of a second
+    largest = rows.max(0) > np.partition(rows.max(0), -2)[-2]
+    is_t = grows & (np.ptp(rows, 0) > 0) & (broken if broken.any() else largest)
+    fitting = [order for order in ORDERS if is_p[order.index("p")] and is_t[order.index("t")]]
+    return fitting[0] if len(fitting) == 1 else "txyp"
+
+
+def _read_lines(path: Path, header: Callable[[BinaryIO], tuple], time_unit: str | None) -> Source:
+    """Events of the lines behind what ``header`` reads."""
     with regular_file(path).open("rb") as file:
-        names, start = names_of(file), file.tell()
-    columns, unit, size_px = _columns(names)
+        (names, separator, size_px), start = header(file), file.tell()
+    columns, unit, named_px = _columns(names)
+    unit, times = time_unit or unit, []
     events = partial(_line_events, path, start, names, columns, unit, separator)
-    next(events(), None)  # a file that holds no such lines is refused now, not when it is used
-    return Source(path, size_px, events)
+    next(events(times), None)  # a file that holds no such lines is refused now, not when it is used
+    t = times[0] if times else np.zeros(0)
+    guessed = None if unit or not len(t) else Guessed.of(t[:: len(t) // SOME + 1], len(t), t[[0, -1]])
+    return Source(path, named_px or size_px, events, guessed=guessed)
 
 
-def _line_events(path: Path, start: int, names, columns, unit, separator: str) -> Iterator[np.ndarray]:
+def _line_events(
+    path: Path, start: int, names, columns, unit, separator: str, times: list | None = None
+) -> Iterator[np.ndarray]:
+    """Events of lines; ``times`` takes the first ones as they stand there."""
     with path.open("rb") as file:
         file.seek(start)
         tables = pd.read_csv(ShortLines(file), sep=separator, header=None, names=[*names, MORE], comment="#",
@@ -92,6 +142,8 @@ def _line_events(path: Path, start: int, names, columns, unit, separator: str) -
             if unit is None and time_kind not in (None, kinds["t"]):
                 raise ValueError("times with and without a decimal point")
             time_kind = kinds["t"]
+            if times is not None:
+                times.append(values["t"])
             yield _events(values, unit)
 
 
@@ -151,20 +203,4 @@ def _columns(names) -> tuple[dict[str, str], str | None, tuple[int, int] | None]
 
 
 def _events(values: dict[str, np.ndarray], unit: str | None) -> np.ndarray:
-    t = values["t"]
-    if t.dtype.kind not in "iuf":
-        raise ValueError(f"times of type {t.dtype}")
-    seconds = t.dtype.kind == "f" and unit in (None, "s", "sec", "seconds")
-    if not seconds and unit is not None:
-        t = _microseconds(t, NANOSECONDS[unit])
-    return event_array(t, values["x"], values["y"], values["p"], seconds=seconds)
-
-
-def _microseconds(t: np.ndarray, unit_ns: int) -> np.ndarray:
-    """Times in microseconds, of whole numbers exactly, rounded where they have more digits."""
-    if t.dtype.kind == "f":
-        return np.rint(t * (unit_ns / 1000))
-    if len(t) and max(-int(t.min()), int(t.max())) > 2**62 // max(unit_ns // 1000, 1):
-        raise ValueError("a time does not fit 64 bit of microseconds")
-    t = t.astype(np.int64)
-    return t * (unit_ns // 1000) if unit_ns >= 1000 else (t + 500) // 1000
+    return event_array(microseconds(values["t"], unit), values["x"], values["y"], values["p"])

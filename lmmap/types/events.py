@@ -12,13 +12,13 @@ EVENT = np.dtype([("t_us", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")], alig
 COORDINATE = np.iinfo(EVENT["x"])
 
 
-def event_array(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.ndarray:
+def event_array(t, x, y, p, *, offset_us: int = 0) -> np.ndarray:
     """Events (M,) EVENT of four columns as foreign formats hold them, unsorted as they are.
 
     Parameters
     ----------
     t
-        Times (M,), in microseconds, or in seconds where ``seconds``; rounded to microseconds.
+        Times (M,) in microseconds, whole whatever their type.
     x, y
         Columns and rows (M,).
     p
@@ -40,14 +40,14 @@ def event_array(t, x, y, p, *, seconds: bool = False, offset_us: int = 0) -> np.
     (t0, t1), *spans, (p0, p1) = ((a.min().item(), a.max().item()) for a in (t, x, y, p))
     if not np.all(np.isfinite([t0, t1, *np.ravel(spans), p0, p1])):  # NaN passes through min and max
         raise ValueError("events: a value is not finite")
-    if max(-t0, t1) * (1e6 if seconds else 1) + abs(offset_us) > MAX_TIME_US:
+    if max(-t0, t1) + abs(offset_us) > MAX_TIME_US:
         raise ValueError("events: a time does not fit 64 bit of microseconds")
     if min(map(min, spans)) < COORDINATE.min or max(map(max, spans)) > COORDINATE.max:
         raise ValueError("events: a coordinate does not fit 16 bit")
     signed = p0 < 0
     if p0 < -1 or p1 > 1 or (p.dtype.kind not in "bu" and not np.all((p == 1) | (p == -int(signed)))):
         raise ValueError("events: expected polarities {0, 1} or {-1, 1}")
-    events["t_us"] = (np.rint(t * 1e6) if seconds else t).astype(np.int64) + offset_us
+    events["t_us"] = t.astype(np.int64) + offset_us
     events["x"], events["y"], events["p"] = x, y, p > 0
     return events
 

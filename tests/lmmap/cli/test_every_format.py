@@ -25,6 +25,11 @@ def library(path, r):
     write_recording(r, path)
 
 
+def aedat(path, r):
+    library(path.with_suffix(".aedat4"), r)
+    path.with_suffix(".aedat4").rename(path)
+
+
 def text(path, r):
     path.write_text("".join(f"{t} {x} {y} {int(p)}\n" for t, x, y, p in r.events.tolist()))
 
@@ -98,7 +103,8 @@ def folder(path, r):
 
 
 EVENTS = {
-    "e.aedat4": library, "e.bag": library, "e.h5": library, "e.hdf5": prophesee_hdf5, "e.txt": text,
+    "e.aedat4": library, "e.aedat": aedat, "e.bag": library, "e.h5": library, "e.hdf5": prophesee_hdf5,
+    "e.txt": text,
     "e.csv": csv, "e.npy": npy, "evt2.raw": raw(prophesee.evt2), "evt21.raw": raw(prophesee.evt21),
     "evt3.raw": raw(prophesee.evt3), "e.dat": dat, "e.es": es, "e.mcap": packets(StoragePlugin.MCAP),
     "e.db3": packets(StoragePlugin.SQLITE3), "bag2": packets(StoragePlugin.SQLITE3),
