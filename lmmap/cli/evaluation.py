@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..estimation.estimates import estimate, merge_by_time
-from ..evaluation import cells, error_table
+from ..evaluation import cells, error_table, truth_form
 from ..recordings.pose_files import read_truth
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
@@ -22,6 +22,8 @@ from . import plugins
 from .inputs import make_estimator, open_input
 from .progress import Bar
 
+DAY_US = 86_400_000_000  # no recording is longer
+
 
 def evaluate(a) -> None:
     """Print the errors of each camera and of both."""
@@ -29,6 +31,7 @@ def evaluate(a) -> None:
         raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
     stream = open_input(a)
     stream = replace(stream, truth=_truth(a, stream))
+    _check_clock(a, stream)
     single = (a.modality,) if a.modality in MODALITIES else MODALITIES
     estimators = {m: make_estimator(a, stream.camera, m) for m in single}
     port = estimators[single[0]].port
@@ -58,6 +61,21 @@ def _truth(a, stream: Stream) -> Trajectory:
     raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
 
 
+def _check_clock(a, stream: Stream) -> None:
+    """`InputError` where the truth lies outside the recording's time, before anything is estimated."""
+    firsts = [next((int(e["t_us"][0]) for e in stream.chunks() if len(e)), None)]
+    starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
+    if not starts_us:
+        return
+    known, (first_us, *_, last_us) = stream.source.span_us, stream.truth.t_us.tolist()
+    begin_us, end_us = min(starts_us), known[1] if known else min(starts_us) + DAY_US
+    if last_us < begin_us or first_us > max(end_us, *starts_us):
+        span = f"{first_us * 1e-6:.3f} to {last_us * 1e-6:.3f} s"
+        found = f"the truth's times are {span}, and the recording begins at {begin_us * 1e-6:.3f} s"
+        remedy = f"if both began together, add {(begin_us - first_us) * 1e-6:.6f} s to the truth's times"
+        raise InputError(f"{a.truth or a.recording}: {found}; {remedy}")
+
+
 def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimate]:
     """One camera's estimates."""
     estimates = []
@@ -74,8 +92,15 @@ def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, p
     tables = {m: error_table.errors(stream, estimates.get(m, []), port) for m in asked}
     tables = {m: table for m, table in tables.items() if len(table)}
     if not tables:
-        remedy = "try the other" if a.modality else "check the truth's times"
+        remedy = "try the other" if a.modality else "give a truth of the recording's own times"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
+    for m, table in tables.items():
+        if left := len(estimates[m]) - len(table):
+            text = f"{a.recording}: {left} of {len(estimates[m])} {m} images have no truth, and do not count"
+            warnings.warn(text, stacklevel=2)
+    seen = max(tables, key=lambda m: tables[m].position_error_m.count())
+    if form := truth_form.other(estimates[seen], stream.truth, port.yaw_period_rad):
+        warnings.warn(f"{a.truth or a.recording}: {form}", stacklevel=2)
     if missing := [m for m in asked if m not in tables]:
         text = f"{a.recording}: holds no {' and no '.join(missing)} data that its truth covers"
         warnings.warn(text, stacklevel=2)

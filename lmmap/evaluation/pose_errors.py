@@ -11,9 +11,11 @@ from ..types import AnyRecording, Estimate, Pose
 
 def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
     """The estimates whose time the truth covers, and the true poses then."""
-    span = recording.truth.t_us
-    known = [e for e in estimates if span[0] <= e.t_us <= span[-1]]
-    return known, recording.truth.at(np.array([e.t_us for e in known], np.int64))
+    times_us = np.array([e.t_us for e in estimates], np.int64)
+    covered = recording.truth.covers(times_us)
+    return [e for e, known in zip(estimates, covered, strict=True) if known], recording.truth.at(
+        times_us[covered]
+    )
 
 
 def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,10 @@ from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
 from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
+from .units import NANOSECONDS, UNITS
+
+LIKELY_STEP_S = (1e-4, 1.0)  # between the poses of a truth: outside, its unit of time is another
+MAX_STEP_S = 10.0  # beyond, straight lines between poses are no truth
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
@@ -44,10 +49,14 @@ def _tum_line(t_us: int, pose: list[str]) -> str:
 
 
 def read_trajectory(path, format: str | None = None) -> Trajectory:
-    """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum, else CSV."""
-    path = Path(path)
-    format = format or ("tum" if path.suffix in (".txt", ".tum") else "csv")
-    return parse_trajectory(read_text(path, MAX_TRUTH_BYTES), path, format)
+    """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum and does not begin as
+    our CSV.  Of a table of estimates it is the poses that are ``ok``."""
+    text = read_text(path, MAX_TRUTH_BYTES)
+    return parse_trajectory(text, path, format or _format_of(text, Path(path)))
+
+
+def _format_of(text: str, path: Path) -> str:
+    return "tum" if path.suffix in (".txt", ".tum") and not text.startswith("t_us,") else "csv"
 
 
 def parse_trajectory(text: str, path, format: str) -> Trajectory:
@@ -59,7 +68,7 @@ def parse_trajectory(text: str, path, format: str) -> Trajectory:
             t_us = [round(float(row[0]) * 1e6) for row in rows]
             T = _poses([row[1:8] for row in rows]).inverse
         else:
-            rows = _csv_rows(text, ("t_us", *POSE))
+            rows = [r for r in _csv_rows(text, ("t_us", *POSE)) if r.get("status", Status.OK) == Status.OK]
             t_us = [int(row["t_us"]) for row in rows]
             T = _poses([[row[name] for name in POSE] for row in rows])
         for time_us in t_us:
@@ -71,11 +80,31 @@ def parse_trajectory(text: str, path, format: str) -> Trajectory:
 
 
 def read_truth(path) -> Trajectory:
-    """A trajectory to compare with: as `read_trajectory`, of at least two poses."""
-    trajectory = read_trajectory(path)
+    """A trajectory to compare with: as `read_trajectory`, of at least two poses, as close together as a unit
+    of time that it may have makes them; a warning says what is doubtful."""
+    text = read_text(path, MAX_TRUTH_BYTES)
+    form = _format_of(text, Path(path))
+    trajectory = parse_trajectory(text, path, form)
     if len(trajectory) < 2:
         raise InputError(f"{path}: has {len(trajectory)} poses, a truth needs two; name another trajectory")
+    _check_step(path, float(np.median(np.diff(trajectory.t_us))) * 1e-6, "us" if form == "csv" else "s")
+    if form == "csv" and "status" in text.partition("\n")[0].split(","):
+        warnings.warn(f"{path}: is a table of estimates; its ok poses are taken as the truth", stacklevel=2)
     return trajectory
+
+
+def _check_step(path, step_s: float, own: str) -> None:
+    """`InputError`, or a warning, where a truth's poses are so far apart that its times have another unit."""
+    least_s, most_s = LIKELY_STEP_S
+    if least_s <= step_s < most_s:
+        return
+    steps_s = {unit: step_s * NANOSECONDS[unit] / NANOSECONDS[own] for unit in UNITS}
+    likely = " or ".join(unit for unit, s in steps_s.items() if least_s <= s < most_s)
+    found = f"its poses are {step_s:.3g} s apart, with times in {own}"
+    remedy = f"if they are in {likely or 'another unit'}, write them in {own}"
+    if not least_s <= step_s < MAX_STEP_S:
+        raise InputError(f"{path}: {found}; {remedy}")
+    warnings.warn(f"{path}: {found}, and lines between them; {remedy}", stacklevel=3)
 
 
 def write_estimates(estimates: list[Estimate], path) -> None:

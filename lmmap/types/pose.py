@@ -53,6 +53,9 @@ class Pose:
         return Rotation.from_matrix(self.rotation).as_quat(canonical=True)
 
 
+GAP_STEPS, GAP_US = 10, 100_000  # a step is a gap that is longer than so many usual ones, and than so long
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Poses ``T_a_b`` of one frame in another at strictly increasing times ``t_us (N,)``.
@@ -74,13 +77,26 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t_us)
 
-    def at(self, t_us) -> Pose:
-        """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it."""
+    def covers(self, t_us) -> np.ndarray:
+        """Which times (...) lie inside the trajectory and in no gap: a step of more than `GAP_STEPS` times
+        the median one and of more than `GAP_US`."""
+        t, steps = np.asarray(t_us), np.diff(self.t_us)
+        if not len(steps):
+            return np.isin(t, self.t_us)
+        after = np.clip(np.searchsorted(self.t_us, t), 1, len(steps))
+        known = steps[after - 1] <= max(GAP_STEPS * np.median(steps), GAP_US)
+        return (t >= self.t_us[0]) & (t <= self.t_us[-1]) & (known | np.isin(t, self.t_us))
+
+    def at(self, t_us, *, across_gaps: bool = False) -> Pose:
+        """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it and in its gaps,
+        unless ``across_gaps``."""
         if len(self) < 2:
             raise ValueError(f"Trajectory: expected at least two poses to interpolate, got {len(self)}")
         t = np.asarray(t_us)
         if t.size and (t.min() < self.t_us[0] or t.max() > self.t_us[-1]):
             raise ValueError(f"Trajectory: asked outside [{self.t_us[0]}, {self.t_us[-1]}] us")
+        if not (across_gaps or np.all(self.covers(t))):
+            raise ValueError(f"Trajectory: asked in a gap, at {np.extract(~self.covers(t), t)[0]} us")
         seconds = (self.t_us - self.t_us[0]) * 1e-6
         rotations = Slerp(seconds, Rotation.from_matrix(self.poses.rotation))
         s = (t - self.t_us[0]) * 1e-6

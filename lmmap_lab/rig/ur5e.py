@@ -117,7 +117,7 @@ class LinkMotion:
         """``T_parent_child`` at times inside the motion; a fixed link's pose at any time."""
         if len(self) == 1:
             return self.T_parent_child[0]
-        return Trajectory(self.t_us, self.T_parent_child).at(t_us)
+        return Trajectory(self.t_us, self.T_parent_child).at(t_us, across_gaps=True)
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class ArmMotion:
 
     def at(self, t_us) -> Pose:
         """``T_root_tip`` at times inside the motion, interpolated as `Trajectory.at` does."""
-        return Trajectory(self.t_us, self.T_root_tip).at(t_us)
+        return Trajectory(self.t_us, self.T_root_tip).at(t_us, across_gaps=True)
 
     def sample(self, t_us) -> ArmSamples:
         """Poses and velocities at times (N,) inside the motion."""

@@ -116,7 +116,7 @@ def score(tracks: list[Trajectory], reference: Trajectory) -> pd.DataFrame:
 
 def _score(track: Trajectory, reference: Trajectory, lengths_m) -> pd.DataFrame:
     span = reference.t_us[[0, -1]]
-    inside = (track.t_us >= span[0]) & (track.t_us <= span[1])
+    inside = reference.covers(track.t_us)
     if not inside.any():
         had, wanted = track.t_us[[0, -1]] * 1e-6, span * 1e-6
         raise NotScored(

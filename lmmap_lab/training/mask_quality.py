@@ -119,7 +119,7 @@ def _markers_box(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
 def _images_in_view(recording, modality, port, settings, most) -> list:
     """``(t_us, image, true pose)`` of images in which the whole ring is in view."""
     times_us = np.array([t_us for t_us, _ in images(recording, modality, settings)], np.int64)
-    times_us = times_us[(times_us >= recording.truth.t_us[0]) & (times_us <= recording.truth.t_us[-1])]
+    times_us = times_us[recording.truth.covers(times_us)]
     poses = recording.truth.at(times_us)
     visible = np.flatnonzero(in_view(poses, port, recording.camera))
     chosen = visible[np.unique(np.linspace(0, len(visible) - 1, min(most, len(visible))).astype(int))]

@@ -116,7 +116,7 @@ def test_exposure_and_gray_frames(tmp_path):
 
 def test_camera_argument_wins_over_the_file_beside(tmp_path):
     write_recording(recording(), tmp_path / "r.h5")
-    other = replace(CAMERA, fx_px=77.0)
+    other = replace(CAMERA, fx_px=71.0)
     assert open_recording(tmp_path / "r.h5", other).camera == other
     other.save(tmp_path / "other.json")
     assert open_recording(tmp_path / "r.h5", tmp_path / "other.json").camera == other
