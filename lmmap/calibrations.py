@@ -33,7 +33,7 @@ COLMAP = {  # its models, and the parameters of each
     "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
 }  # fmt: skip
 NAMES_A_LENS = re.compile(
-    r"model|unit|fisheye|omni|lens|mirror|distort|projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff"
+    r"model|unit|fisheye|omni|lens|mirror|distort|(?<!re)projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff"
 )
 NAMES = "fx_px", "fy_px", "cx_px", "cy_px"
 
@@ -113,7 +113,7 @@ def camera_fields(camera: dict, size_px=None) -> dict:
 def odd(values: dict) -> str | None:
     """What hardly any camera has, in words: a centre far from the image's, its lens, oblong pixels."""
     width, height, fx, fy, cx, cy = (values[n] for n in ("width_px", "height_px", *NAMES))
-    if abs(cx - (width - 1) / 2) > width / 4 or abs(cy - (height - 1) / 2) > height / 4:
+    if abs(cx - (width - 1) / 2) > width / 5 or abs(cy - (height - 1) / 2) > height / 5:
         return f"its centre ({cx:g}, {cy:g}) is far from the middle of {width} x {height} px"
     if not 0.2 < fx / width < 50:
         return f"its focal length is {fx:g} px for {width} px"

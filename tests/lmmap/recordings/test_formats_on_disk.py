@@ -185,7 +185,7 @@ def test_kalibr_camchain(tmp_path):
     for name, content in (("fish.json", None), ("omni.yaml", text.replace("pinhole", "omni"))):
         if content:
             (tmp_path / name).write_text(content)
-        with pytest.raises(InputError, match="radtan or equidistant|none of pinhole"):
+        with pytest.raises(InputError, match=r"radtan or equidistant|none of pinhole"):
             Camera.load(tmp_path / name)
 
 
