@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -68,20 +69,22 @@ def read(path: Path, dialect: Dialect) -> Source:
         span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
         details = partial(dict, topics=_topics(bag))
     events, frames = partial(_events, path, dialect, size_px), partial(_frames, path, dialect)
-    cameras, names = partial(_cameras, path, dialect), tuple(topic[0].topic for topic in topics if topic)
+    names = tuple(topic[0].topic for topic in topics if topic)
+    cameras = partial(_cameras, path, dialect, all(re.search("_rect|rectified", name) for name in names))
     return Source(path, size_px, events, frames, span_us, details, cameras, names)
 
 
-def _cameras(path: Path, dialect: Dialect) -> dict[str, dict]:
+def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
     """What the topics of sensor_msgs/CameraInfo say first, as `lmmap.calibrations` reads it; of a camera that
-    is not calibrated, nothing."""
+    is not calibrated, nothing.  Of images that are ``rectified`` it is the projection, without distortion."""
     cameras = {}
     with dialect.open(path) as bag:
         for c in sorted((c for c in bag.connections if c.msgtype == CAMERA_INFO), key=lambda c: c.topic):
             for connection, _, raw in islice(bag.messages([c]), 1):
                 info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
                 values = {name: info[name] for name in ("width", "height", "distortion_model")}
-                values |= {name: info[name].tolist() for name in ("k", "d")}
+                P = info["p"].reshape(3, 4)[:, :3].ravel()
+                values |= {"k": P.tolist(), "d": []} if rectified else {n: info[n].tolist() for n in "kd"}
                 if values["k"][0]:
                     cameras[c.topic] = values | {"rostopic": c.topic}
     return cameras

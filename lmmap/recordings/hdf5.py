@@ -15,7 +15,7 @@ from . import prophesee
 from .hdf5_datasets import blocks, open_dataset, open_text
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
-from .units import Guessed, microseconds
+from .units import RUN, Guessed, microseconds
 
 COLUMNS = ("events", "prophesee/left", "prophesee/right")  # groups with t, x, y, p: DSEC's and ours, M3ED's
 CALIBRATION = ("resolution", "intrinsics", "distortion_coeffs", "camera_model", "distortion_model")  # M3ED
@@ -43,7 +43,7 @@ def read(path: Path, time_unit: str | None = None) -> Source:
             if len(t):
                 ends = np.array([t[0], t[-1]])
                 span_us = tuple(offset_us + int(end_us) for end_us in microseconds(ends, time_unit))
-                guessed = None if time_unit else Guessed.of(np.r_[t[:1000], t[-1000:]], len(t), ends)
+                guessed = None if time_unit else Guessed.of(t[:RUN], t[-RUN:])
             inside = partial(dict, cameras)
             return Source(path, size_px, events, frames, span_us, cameras=inside, guessed=guessed)
         if "davis/left" in file:

@@ -34,7 +34,6 @@ SPELLINGS = {
     "p": r"(?:p|pol|polarity|on)",
 }
 MORE = "fields beyond the header"
-SOME = 1000  # times by which their unit is judged
 ORDER_LINES = 200  # by which the order of columns is known
 SIZE, NUMBER = re.compile(rb"\s*(\d{1,5})\s+(\d{1,5})\s*"), re.compile(rb"[-+.\deE]+")
 ORDERS = [order for order in map("".join, permutations("txyp")) if order.index("x") < order.index("y")]
@@ -65,7 +64,7 @@ def read_npy(path: Path, time_unit: str | None = None) -> Source:
     unit = time_unit or unit
     events = partial(_npy_events, path, columns, unit)
     t = rows[columns["t"]]
-    guessed = None if unit or not len(t) else Guessed.of(t[:: len(t) // SOME + 1], len(t), t[[0, -1]])
+    guessed = None if unit or not len(t) else Guessed.of(t[:CHUNK])
     return Source(path, size_px, events, guessed=guessed)
 
 
@@ -120,7 +119,7 @@ def _read_lines(path: Path, header: Callable[[BinaryIO], tuple], time_unit: str 
     events = partial(_line_events, path, start, names, columns, unit, separator)
     next(events(times), None)  # a file that holds no such lines is refused now, not when it is used
     t = times[0] if times else np.zeros(0)
-    guessed = None if unit or not len(t) else Guessed.of(t[:: len(t) // SOME + 1], len(t), t[[0, -1]])
+    guessed = None if unit or not len(t) else Guessed.of(t[:CHUNK])
     return Source(path, named_px or size_px, events, guessed=guessed)
 
 

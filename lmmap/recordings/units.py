@@ -9,38 +9,38 @@ import numpy as np
 NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
                "µs": 1000, "μs": 1000}  # fmt: skip
 UNITS = ("s", "ms", "us", "ns")
-FEWEST = 100  # events to judge by
+FEWEST, LONG_S = 100, 10.0  # events to judge by; so long no sensor is quieter than the next number
 QUIETEST_HZ, LOUDEST_HZ = 1000, 500  # of a sensor, and of a pixel; a DAVIS 346 can have 130
-LONG_S = 10.0  # so few events may come, but not for so long
+RUN = 20_000  # events: of a file's ends
 
 
 class Guessed(NamedTuple):
-    """Times whose unit nothing states: as what they are taken, some of them (N,), how many events there are,
-    and the time (us) that they take."""
+    """Times whose unit nothing states: as what they are taken, and pieces (N,) of them in microseconds."""
 
     unit: str
-    some_us: np.ndarray
-    count: int
-    span_us: int
+    pieces_us: list[np.ndarray]
 
     @classmethod
-    def of(cls, some: np.ndarray, count: int, ends: np.ndarray) -> Guessed:
-        """Of some times (N,) as they are stored, how many there are, and the first and last of all (2,)."""
-        start_us, end_us = microseconds(ends, None)
-        return cls(unit_of(some), microseconds(some, None), count, int(end_us) - int(start_us))
+    def of(cls, *runs: np.ndarray) -> Guessed | None:
+        """Of runs (N,) of a file's times as they are stored; None of too few to judge by."""
+        pieces = [piece for run in runs for piece in np.array_split(run, min(len(run) // FEWEST, 20) or 1)]
+        known = [microseconds(piece, None) for piece in pieces if len(piece) >= FEWEST]
+        return cls(unit_of(runs[0]), known) if known else None
 
     def doubt(self, size_px: tuple[int, int] | None) -> str | None:
         """Why the unit is another, in words; None where nothing speaks against it."""
-        seconds = max(self.span_us, 1) * 1e-6
-        rate_hz, pixels = self.count / seconds, size_px[0] * size_px[1] if size_px else 10**6
-        quiet = self.count >= FEWEST and seconds > LONG_S and rate_hz < QUIETEST_HZ
-        if quiet or (self.count >= 10 * FEWEST and rate_hz > LOUDEST_HZ * pixels):
-            seen_hz = {u: rate_hz * NANOSECONDS[self.unit] / NANOSECONDS[u] for u in UNITS}
-            others = [u for u, hz in seen_hz.items() if QUIETEST_HZ <= hz <= LOUDEST_HZ * pixels]
-            as_what = f"if they are in {' or '.join(others)}, give --time-unit {others[-1]}" if others else ""
-            return f"no sensor has {rate_hz:.3g} events/s for {seconds:.3g} s; {as_what or 'check them'}"
-        rounded = self.count >= FEWEST and self.span_us > 0 and not np.any(self.some_us % 1000)
-        if self.unit == "us" and rounded and 1000 * rate_hz <= LOUDEST_HZ * pixels:
+        spans_us = [max(int(t[-1]) - int(t[0]), 1) for t in self.pieces_us]
+        lengths = [len(t) for t in self.pieces_us]
+        rate_hz = float(np.median(np.divide(lengths, spans_us))) * 1e6  # whatever a jump of the clock
+        loudest_hz = LOUDEST_HZ * (size_px[0] * size_px[1] if size_px else 10**6)
+        quiet = rate_hz < QUIETEST_HZ and sum(spans_us) > LONG_S * 1e6
+        if quiet or (rate_hz > loudest_hz and sum(lengths) >= 10 * FEWEST):
+            rates_hz = {unit: rate_hz * NANOSECONDS[self.unit] / NANOSECONDS[unit] for unit in UNITS}
+            others = " or ".join(u for u, hz in rates_hz.items() if QUIETEST_HZ <= hz <= loudest_hz)
+            remedy = f"if they are in {others}, give --time-unit {others}" if others else "check them"
+            return f"no sensor has {rate_hz:.3g} events/s for so long; {remedy}"
+        whole = all(t[-1] > t[0] and not np.any(t[:: len(t) // FEWEST] % 1000) for t in self.pieces_us)
+        if self.unit == "us" and whole and 1000 * rate_hz <= loudest_hz:
             return "all are multiples of 1000; if they are in ns, give --time-unit ns"
         return None
 

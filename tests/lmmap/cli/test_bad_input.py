@@ -52,7 +52,7 @@ def refused(tmp_path, capsys):
 @pytest.fixture
 def small(tmp_path):
     """A camera of 64 x 48 px."""
-    return write_camera(tmp_path, width_px=64, height_px=48, fx_px=60, fy_px=60, cx_px=31.5, cy_px=23.5)
+    return write_camera(tmp_path, width_px=64, height_px=48, cx_px=31.5, cy_px=23.5)
 
 
 def text(path: Path, rows) -> Path:
