@@ -19,7 +19,7 @@ def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -
     """What form of the truth most estimates agree with, in words; None where it is the one that was read, or
     where none is."""
     times_us = np.array([e.t_us for e in estimates], np.int64)
-    posed = truth.covers(times_us) & [e.T_cam_port is not None for e in estimates]
+    posed = truth.covers(times_us) & np.array([e.T_cam_port is not None for e in estimates], bool)
     if np.sum(posed) < FEWEST:
         return None
     poses = stack_poses([e.T_cam_port for e, known in zip(estimates, posed, strict=True) if known])

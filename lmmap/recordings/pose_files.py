@@ -21,7 +21,7 @@ from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_
 from .units import NANOSECONDS, UNITS
 
 LIKELY_STEP_S = (1e-4, 1.0)  # between the poses of a truth: outside, its unit of time is another
-MAX_STEP_S = 10.0  # beyond, straight lines between poses are no truth
+MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:

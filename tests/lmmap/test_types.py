@@ -85,6 +85,34 @@ def test_trajectories_interpolate_half_way_and_refuse_to_extrapolate():
         path.at([101])
 
 
+def with_gap(step_us, gap_us, count=80) -> Trajectory:
+    """A steady motion whose middle is missing."""
+    t_us = step_us * np.arange(count)
+    t_us[count // 2 :] += gap_us - step_us
+    return Trajectory(t_us, Pose(np.tile(np.eye(3), (count, 1, 1)), np.outer(t_us, [1e-6, 0, 0])))
+
+
+@pytest.mark.parametrize("step_us, gap_us", [(10_000, 1_500_000), (1000, 150_000), (100_000, 1_100_000)])
+def test_a_trajectory_knows_nothing_in_a_gap(step_us, gap_us):
+    truth = with_gap(step_us, gap_us)
+    before_us, after_us = truth.t_us[[39, 40]]
+    inside = np.array([before_us + 1, (before_us + after_us) // 2, after_us - 1])
+    around = np.array([0, step_us // 2, before_us - 1, before_us, after_us, after_us + 1, truth.t_us[-1]])
+    assert not truth.covers(inside).any() and truth.covers(around).all()
+    np.testing.assert_allclose(truth.at(around).position_m[:, 0], around * 1e-6, atol=1e-12)
+    for t_us in inside.tolist():
+        with pytest.raises(ValueError, match=f"in a gap, at {t_us} us"):
+            truth.at(t_us)
+        assert truth.at(t_us, across_gaps=True).position_m[0] == pytest.approx(t_us * 1e-6)
+    assert not truth.covers(np.array([-1, truth.t_us[-1] + 1])).any()
+
+
+@pytest.mark.parametrize("step_us, gap_us", [(10_000, 90_000), (100_000, 900_000), (1000, 99_000)])
+def test_a_few_poses_that_are_missing_are_no_gap(step_us, gap_us):
+    truth = with_gap(step_us, gap_us)
+    assert truth.covers(np.arange(truth.t_us[-1])[:: step_us // 7]).all()
+
+
 def test_trajectories_refuse_times_that_do_not_increase():
     poses = Pose(np.stack([np.eye(3)] * 2), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="increase"):

@@ -10,6 +10,7 @@ from lmmap.recordings.columns import COLUMNS, PREFIXES, TABLE
 from lmmap.recordings.pose_files import (
     read_estimates,
     read_trajectory,
+    read_truth,
     trajectory_of,
     write_estimates,
     write_trajectory,
@@ -130,6 +131,64 @@ def test_bad_trajectories_are_named(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as caught:
         read_trajectory(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def some_truth(step_us, start_us=0, count=60) -> Trajectory:
+    return Trajectory(start_us + step_us * np.arange(count), poses(np.random.default_rng(0), count))
+
+
+@pytest.mark.parametrize("form, own", [("csv", "us"), ("tum", "s")])
+@pytest.mark.parametrize("step_us, unit", [(50_000, "ns"), (8333, "ns"), (20_000, "us"), (10_000, "ms")])
+def test_a_truth_in_another_unit_is_named(tmp_path, form, own, step_us, unit):
+    """The file's numbers are times in a unit, taken as microseconds in CSV and as seconds in TUM."""
+    if unit == own:
+        return
+    per_us = {"ns": 1000, "us": 1, "ms": 1e-3}[unit]
+    write_trajectory(some_truth(step_us), tmp_path / f"t.{form}", form)
+    lines = (tmp_path / f"t.{form}").read_text().splitlines()
+    for k in range(form == "csv", len(lines)):
+        time, sign, rest = lines[k].partition("," if form == "csv" else " ")
+        t_us = float(time) * (1 if form == "csv" else 1e6)
+        lines[k] = f"{round(t_us * per_us)}{sign}{rest}"
+    (tmp_path / f"t.{form}").write_text("\n".join(lines) + "\n")
+    with pytest.raises(
+        InputError, match=rf"t\.{form}: its poses are .* s apart, with times in {own}; .*in.* {unit}"
+    ):
+        read_truth(tmp_path / f"t.{form}")
+
+
+@pytest.mark.parametrize("start_us", [0, 1_700_000_000_000_000])
+@pytest.mark.parametrize("step_us", [1000, 5000, 33_333, 500_000])
+@pytest.mark.parametrize("form", ["csv", "tum"])
+def test_a_sound_truth_is_not_noted(tmp_path, start_us, step_us, form):
+    write_trajectory(some_truth(step_us, start_us), tmp_path / f"t.{form}", form)
+    assert read_truth(tmp_path / f"t.{form}").t_us[1] == start_us + step_us
+
+
+def test_a_truth_of_seconds_is_said_and_one_of_minutes_refused(tmp_path):
+    write_trajectory(some_truth(2_000_000), tmp_path / "t.tum", "tum")
+    with pytest.warns(UserWarning, match="2 s apart.*if they are in ms, write them in s"):
+        read_truth(tmp_path / "t.tum")
+    write_trajectory(some_truth(60_000_000, count=2), tmp_path / "t.tum", "tum")
+    with pytest.raises(InputError, match="60 s apart"):
+        read_truth(tmp_path / "t.tum")
+
+
+def test_what_a_truth_is_its_beginning_says(tmp_path):
+    """Written as CSV under a name that TUM's files have, it is read as CSV."""
+    truth = some_truth(10_000)
+    write_trajectory(truth, tmp_path / "t.txt", "csv")
+    np.testing.assert_array_equal(read_truth(tmp_path / "t.txt").t_us, truth.t_us)
+    write_trajectory(truth, tmp_path / "u.txt", "tum")
+    assert_same_pose(read_truth(tmp_path / "u.txt").poses, truth.poses)
+
+
+def test_estimates_as_a_truth_are_said(tmp_path):
+    steps = [Estimate(k * 10_000, Status.OK, poses(np.random.default_rng(k))) for k in range(9)]
+    steps += [Estimate(90_000, Status.NO_RING), Estimate(100_000, Status.PREDICTED, steps[0].T_cam_port)]
+    write_estimates(steps, tmp_path / "p.csv")
+    with pytest.warns(UserWarning, match=r"p\.csv: is a table of estimates"):
+        assert read_truth(tmp_path / "p.csv").t_us.tolist() == list(range(0, 90_000, 10_000))
 
 
 def test_bad_tables_and_absent_files(tmp_path):

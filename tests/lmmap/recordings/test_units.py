@@ -62,9 +62,7 @@ def test_another_unit_is_said_and_settled_by_a_word(tmp_path, ending, unit, coun
     e = some_events(count if ending in ("npy", "h5") else count // 10, seconds, seed=1)
     path, named = write(tmp_path / f"e.{ending}", stored(e, unit), e), unit.lstrip("f")
     if unit != "ms" or len(e) == 300_000:  # fewer are no rate that a sensor cannot have
-        with pytest.warns(
-            UserWarning, match=rf"e\.{ending}: its times are taken as [us]+; .*--time-unit .*{named}"
-        ):
+        with pytest.warns(UserWarning, match=rf"{ending}: its times are taken as .*--time-unit .*{named}"):
             open_stream(path, CAMERA, checked=False)
     back = open_recording(path, CAMERA, time_unit=named).events
     np.testing.assert_allclose(back["t_us"], e["t_us"], atol=1000 if unit == "ms" else 1)
