@@ -8,18 +8,21 @@ writes data/results/formats.csv anew.
 import contextlib
 import io
 import tempfile
+import warnings
 from pathlib import Path
 
 import cv2
 import drawn
 import pandas as pd
 import pytest
+import test_calibrated as within
 import test_every_format as every
 
 from lmmap.cli import main
-from lmmap.recordings.formats import FORMATS, open_recording
+from lmmap.recordings.formats import FORMATS, open_recording, open_stream
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.shipped import DATA
+from lmmap.types import InputError
 
 TABLE = DATA / "results" / "formats.csv"
 MEANS = {True: "yes", False: "no"}
@@ -46,6 +49,35 @@ FILES = {  # a file of each of FORMATS, in their order, and what it is estimated
     "e.npy": (every.npy, "event"), "pictures": (every.folder, "rgb"), "p.png": (picture, "rgb"),
     "v.mp4": (video, "rgb"),
 }  # fmt: skip
+
+
+INFO = [("/dvs/camera_info", within.FISHEYE, {})]
+CALIBRATED = {  # a file of a format that can hold its calibration
+    "e.bag": lambda path: within.bag1(path, INFO), "bag": lambda path: within.bag2(path, INFO),
+    "e.hdf5": lambda path: within.m3ed(path, within.FISHEYE),
+}  # fmt: skip
+
+
+def units(path: Path, camera: Path) -> str:
+    """What settles the unit of a file's times."""
+    for option, value in (("time_unit", "us"), ("fps", 20.0)):
+        with contextlib.suppress(InputError):
+            open_stream(path, camera, **{option: value})
+            return f"--{option.replace('_', '-')}"
+    return "stated"
+
+
+def calibrations(name: str, place: Path) -> str:
+    """Where a calibration is found that is not named."""
+    if name not in CALIBRATED:
+        open_stream(place / name)  # the one beside it
+        return "beside it"
+    inside = place / "far" / "away" / f"calibrated{Path(name).suffix}"
+    inside.parent.mkdir(parents=True)
+    CALIBRATED[name](inside)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return "in it, or beside it" if open_stream(inside).camera == within.FISHEYE else "not in it"
 
 
 def works(*arguments) -> tuple[int, str]:
@@ -75,6 +107,9 @@ def tried(name: str, place: Path) -> dict[str, str]:
         done = {"read": len(read.events) + len(read.frames) > 0}
     except Exception:  # whatever it is, the table says it
         done = {"read": False}
+    done["units"] = units(path, camera)
+    r.camera.save(path.with_suffix(".camera.json"))
+    done["calibrations"] = calibrations(name, place)
     done["info"] = works("info", *used)[0] == 0
     done["estimate"] = works("estimate", *used, "--modality", modality, "-o", place / "o.csv")[0] == 0
     done["evaluate"] = works("evaluate", *used, "--modality", modality, "--truth", truth)[0] == 0
@@ -82,7 +117,7 @@ def tried(name: str, place: Path) -> dict[str, str]:
     code, err = works("estimate", *used, "--modality", modality, "-o", place / "p.csv")
     lines = [line for line in err.splitlines() if line.startswith("lmmap: ") and path.name in line]
     done["bad input is one line"] = code == 1 and len(lines) == 1
-    return {"name": name, "images": modality} | {k: MEANS[v] for k, v in done.items()}
+    return {"name": name, "images": modality} | {k: MEANS.get(v, v) for k, v in done.items()}
 
 
 def row(k: int, place: Path) -> dict[str, str]:
