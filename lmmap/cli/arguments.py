@@ -75,7 +75,8 @@ def _estimate(commands: Commands) -> None:
     commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
     command.add_argument("--track", action="store_true", help="look where earlier images predict the port")
     _add_between(command, "with --track")
-    command.add_argument("--resume", action="store_true", help="go on with an interrupted --output")
+    text = "go on with an interrupted --output; OUTPUT.made-of beside it says what it was made of"
+    command.add_argument("--resume", action="store_true", help=text)
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 

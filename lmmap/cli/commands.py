@@ -110,5 +110,5 @@ class Commands:
         command.add_argument("--fps", type=float, metavar="HZ", help=text)
         text = "unit of event times, in text, CSV, npy or HDF5 that does not state it"
         command.add_argument("--time-unit", choices=TIME_UNITS, help=text)
-        text = "a stream of AEDAT4 with several cameras: its camera is taken"
-        command.add_argument("--stream", type=int, metavar="NUMBER", help=text)
+        text = "which of several cameras: in AEDAT4 a stream's number, in HDF5 a group, as davis/right"
+        command.add_argument("--stream", metavar="NAME", help=text)

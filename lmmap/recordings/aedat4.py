@@ -35,7 +35,7 @@ DAMAGE = zstd.ZstdError, RuntimeError, ElementTree.ParseError
 
 
 @reader("damaged AEDAT4", "record or copy the file again", DAMAGE)
-def read(path: Path, stream: int | None = None) -> Source:
+def read(path: Path, stream: int | str | None = None) -> Source:
     """What is in a file; raises `InputError`.  Events and frames are of one camera: the first, or that of
     ``stream``; a warning names what is left out.
 
@@ -56,7 +56,7 @@ def read(path: Path, stream: int | None = None) -> Source:
     events, frames = (partial(function, path, number[kind]) if kind in used else nothing
                       for kind, function in (("EVTS", _events), ("FRME", _frames)))  # fmt: skip
     details = partial(_details, path, sorted({s.kind for s in streams.values()}), number["FRME"])
-    cameras = tuple({streams[k].camera for k in used.values()})
+    cameras = tuple({streams[k].camera for k in used.values()} - {""})
     return Source(path, *sizes, events, frames, span_us, details, topics=cameras)
 
 
@@ -68,11 +68,13 @@ class _Stream(NamedTuple):
     camera: str
 
 
-def _chosen(path: Path, streams: dict[int, _Stream], wanted: int | None) -> dict[str, int]:
+def _chosen(path: Path, streams: dict[int, _Stream], wanted: int | str | None) -> dict[str, int]:
     """The numbers of the streams of events and of frames of one camera, by kind."""
+    if wanted is not None:
+        wanted = int(wanted) if str(wanted).isdecimal() else wanted
     seen = {k: s for k, s in streams.items() if s.kind in ("EVTS", "FRME")}
     if wanted is not None and wanted not in seen:
-        raise ValueError(f"no events or frames in stream {wanted}, but in {', '.join(map(str, seen))}")
+        raise ValueError(f"no events or frames in stream {wanted!s:.30}, but in {', '.join(map(str, seen))}")
     first = next(iter(seen), None) if wanted is None else wanted
     used = {seen[k].kind: k for k in reversed(seen) if seen[k].camera == seen[first].camera}
     used |= {seen[first].kind: first} if seen else {}

@@ -39,15 +39,15 @@ def open_stream(
     *,
     checked: bool = True,
     fps: float | None = None,
-    stream: int | None = None,
+    stream: int | str | None = None,
     time_unit: str | None = None,
 ) -> Stream:
     """As `open_recording`, but read while it is used, in bounded memory however long the recording.
 
     Faults in the data are raised when they are met.  With ``checked=False`` they never are, and a recording
     without a calibration is no error: its stream has no camera.  ``fps`` is the rate of a folder of pictures
-    that have no times, ``stream`` one of AEDAT4 whose camera is meant, and ``time_unit`` (s, ms, us or ns)
-    that of the times of events in files that do not state it.
+    that have no times, ``stream`` the number of one in AEDAT4, or a group of HDF5, whose camera is meant, and
+    ``time_unit`` (s, ms, us or ns) that of the times of events in files that do not state it.
     """
     if time_unit not in (None, *UNITS):
         raise ValueError(f"time_unit: expected one of {', '.join(UNITS)}, got {time_unit!r:.40}")
@@ -141,7 +141,7 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("ROS 2 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".mcap", ".db3"), rosbag2.read),
     ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
     ("Prophesee DAT", (".dat",), prophesee.read_dat),
-    ("HDF5 in the layouts of DSEC (ours too), MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
+    ("HDF5 in the layouts of DSEC (ours too), M3ED, MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
     ("Event Stream of a DVS", (".es",), event_stream.read),
     ("events as text, t x y p", (".txt",), tables.read_text),
     ("events as a table with named columns", (".csv",), tables.read_csv),
@@ -153,6 +153,6 @@ FORMATS = (  # what it is, how its name ends, its reader
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}
 OPTIONS = {  # of `open_stream`: the suffixes that each is for, and what these are
     "fps": (("folder",), "a folder of pictures"),
-    "stream": ((".aedat4", ".aedat"), "AEDAT4 of several cameras"),
+    "stream": ((".aedat4", ".aedat", ".h5", ".hdf5"), "AEDAT4 or HDF5 of several cameras"),
     "time_unit": ((".txt", ".csv", ".npy", ".h5", ".hdf5"), "events as text, CSV, npy or HDF5"),
 }

@@ -1,7 +1,8 @@
-"""HDF5: the layouts of DSEC (ours adds frames and the sensor's size to it) and of MVSEC."""
+"""HDF5: the layouts of DSEC (ours adds frames and the sensor's size to it), M3ED and MVSEC."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -17,14 +18,15 @@ from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
 from .units import RUN, Guessed, microseconds
 
-COLUMNS = ("events", "prophesee/left", "prophesee/right")  # groups with t, x, y, p: DSEC's and ours, M3ED's
+# of one camera each: DSEC's and ours, M3ED's, MVSEC's
+GROUPS = ("events", "prophesee/left", "prophesee/right", "davis/left", "davis/right")
 CALIBRATION = ("resolution", "intrinsics", "distortion_coeffs", "camera_model", "distortion_model")  # M3ED
 
 
 @reader(
     "not a recording in HDF5", "give one as DSEC's or MVSEC's, or copy it again", (RuntimeError, KeyError)
 )
-def read(path: Path, time_unit: str | None = None) -> Source:
+def read(path: Path, time_unit: str | None = None, stream: str | None = None) -> Source:
     """Size where the file says it (else None); raises `InputError`.
 
     DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``; M3ED: the same in ``prophesee/left``, with
@@ -33,29 +35,45 @@ def read(path: Path, time_unit: str | None = None) -> Source:
     Prophesee: ``CD/events`` with fields x, y, p, t.
     """
     with h5py.File(path, "r") as file:
-        group = next((name for name in COLUMNS if f"{name}/t" in file), None)
-        if group:
+        groups = [g for g in GROUPS if f"{g}/t" in file or (g.startswith("davis") and g in file)]
+        if group := _chosen(path, groups, stream):
+            if f"{group}/t" not in file:
+                return _read_mvsec(path, file, group, time_unit)
             t, offset_us = _columns(file, group)[0], _offset_us(file, time_unit)
             cameras = _cameras(file, f"{group}/calib")
             size_px = _stated_size_px(file) or next(map(stated_size, cameras.values()), None)
             events = partial(_events, path, partial(_dsec, group=group, time_unit=time_unit))
-            frames, span_us, guessed = partial(_frames, path, "", "frames", "frames_t_us"), None, None
+            frames, span_us = partial(_frames, path, "", "frames", "frames_t_us"), None
             if len(t):
                 ends = np.array([t[0], t[-1]])
                 span_us = tuple(offset_us + int(end_us) for end_us in microseconds(ends, time_unit))
-                guessed = None if time_unit else Guessed.of(t[:RUN], t[-RUN:])
+            guessed = Guessed.of(t[:RUN], t[-RUN:]) if len(t) and not time_unit else None
             inside = partial(dict, cameras)
             return Source(path, size_px, events, frames, span_us, cameras=inside, guessed=guessed)
-        if "davis/left" in file:
-            name = "davis/left/image_raw"
-            size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
-            frames = partial(_frames, path, "davis/left/", "image_raw", "image_raw_ts", time_unit)
-            return Source(path, size_px, partial(_events, path, partial(_mvsec, time_unit=time_unit)), frames)
         if prophesee.HDF5_EVENTS in file:
             events = partial(_events, path, partial(prophesee.hdf5_events, time_unit=time_unit))
             span_us = prophesee.hdf5_span_us(file, time_unit)
             return Source(path, prophesee.hdf5_size_px(file), events, span_us=span_us)
         raise ValueError("neither events/t nor davis/left nor CD/events in it")
+
+
+def _chosen(path: Path, groups: list[str], wanted: str | None) -> str | None:
+    """The group of the camera to read; a warning names the others."""
+    if wanted is not None and wanted not in groups:
+        raise ValueError(f"no camera {wanted:.30} in it; it has {', '.join(groups) or 'one'}")
+    if groups[1:] and wanted is None:
+        left = f"not {', '.join(groups[1:])}; choose with --stream"
+        warnings.warn(f"{path}: taking {groups[0]}, {left}", stacklevel=7)
+    return wanted or next(iter(groups), None)
+
+
+def _read_mvsec(path: Path, file: h5py.File, group: str, time_unit: str | None) -> Source:
+    name = f"{group}/image_raw"
+    size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
+    frames = partial(_frames, path, f"{group}/", "image_raw", "image_raw_ts", time_unit)
+    return Source(
+        path, size_px, partial(_events, path, partial(_mvsec, group=group, time_unit=time_unit)), frames
+    )
 
 
 def _stated_size_px(file: h5py.File) -> tuple[int, int] | None:
@@ -102,8 +120,8 @@ def _dsec(file: h5py.File, group: str, time_unit: str | None) -> Iterator[np.nda
         yield event_array(microseconds(t, time_unit), *columns, offset_us=offset_us)
 
 
-def _mvsec(file: h5py.File, time_unit: str | None) -> Iterator[np.ndarray]:
-    rows = open_dataset(file, "davis/left/events", 2)
+def _mvsec(file: h5py.File, group: str, time_unit: str | None) -> Iterator[np.ndarray]:
+    rows = open_dataset(file, f"{group}/events", 2)
     if rows.shape[1] != 4:
         raise ValueError(f"events of shape {rows.shape}, expected columns x, y, t, p")
     for (block,) in blocks(CHUNK, rows):

@@ -137,6 +137,25 @@ def test_the_calibration_of_an_hdf5_group(tmp_path, group):
         assert recording.camera == camera and len(recording.events) == 500
 
 
+@pytest.mark.parametrize("places", ["prophesee", "davis"])
+def test_of_two_cameras_the_other_one_is_named_and_can_be_chosen(tmp_path, places):
+    left, right = f"{places}/left", f"{places}/right"
+    with h5py.File(tmp_path / "e.h5", "w") as file:
+        for k, group in enumerate((left, right)):
+            t = np.arange(20) + k
+            if places == "davis":
+                file[f"{group}/events"] = np.column_stack([t % 346, t % 260, t * 1e-6, np.ones(20)])
+            else:
+                for name, values in zip("txyp", (t, t % 346, t % 260, t % 2), strict=True):
+                    file[f"{group}/{name}"] = values
+    with pytest.warns(UserWarning, match=f"taking {left}, not {right}; choose with --stream"):
+        assert open_recording(tmp_path / "e.h5", CAMERA).events["t_us"][0] == 0
+    assert open_recording(tmp_path / "e.h5", CAMERA, stream=left).events["t_us"][0] == 0
+    assert open_recording(tmp_path / "e.h5", CAMERA, stream=right).events["t_us"][0] == 1
+    with pytest.raises(InputError, match=f"no camera middle in it; it has {left}, {right}"):
+        open_recording(tmp_path / "e.h5", CAMERA, stream="middle")
+
+
 def test_an_hdf5_calibration_that_is_not_understood(tmp_path):
     path = m3ed(tmp_path / "e.h5", Camera(640, 480, 500.0, 500.0, 320.0, 240.0), distortion_model="fov")
     with (
@@ -173,7 +192,8 @@ def test_the_second_camera_is_named_and_can_be_chosen(stereo):
     assert open_recording(stereo, CAMERA, stream=0).events["t_us"][0] == 1000
     assert open_recording(stereo, CAMERA, stream=1).events["t_us"][0] == 1001
     with pytest.raises(InputError, match="no events or frames in stream 5, but in 0, 1"):
-        open_recording(stereo, CAMERA, stream=5)
+        open_recording(stereo, CAMERA, stream="5")
+    assert open_recording(stereo, CAMERA, stream="1").events["t_us"][0] == 1001
 
 
 def test_a_calibration_of_both_is_chosen_by_the_camera_s_name(stereo, tmp_path):

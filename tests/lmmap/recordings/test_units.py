@@ -102,7 +102,7 @@ def test_options_that_do_not_fit(tmp_path):
     (tmp_path / "e.es").write_bytes(b"Event Stream")
     with pytest.raises(InputError, match=r"--time-unit ns is for events as text, CSV, npy or HDF5"):
         open_recording(tmp_path / "e.es", CAMERA, time_unit="ns")
-    with pytest.raises(InputError, match=r"e\.es: --stream 1 is for AEDAT4 of several cameras; leave"):
+    with pytest.raises(InputError, match=r"e\.es: --stream 1 is for AEDAT4 or HDF5 of several cameras"):
         open_recording(tmp_path / "e.es", CAMERA, stream=1)
     with pytest.raises(ValueError, match="time_unit: expected one of s, ms, us, ns"):
         open_recording(tmp_path / "e.es", CAMERA, time_unit="minutes")
