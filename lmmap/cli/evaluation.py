@@ -67,7 +67,7 @@ def _check_clock(a, stream: Stream) -> None:
     starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
     if not starts_us:
         return
-    known, (first_us, *_, last_us) = stream.source.span_us, stream.truth.t_us.tolist()
+    known, (first_us, last_us) = stream.source.span_us, stream.truth.t_us[[0, -1]].tolist()
     begin_us, end_us = min(starts_us), known[1] if known else min(starts_us) + DAY_US
     if last_us < begin_us or first_us > max(end_us, *starts_us):
         span = f"{first_us * 1e-6:.3f} to {last_us * 1e-6:.3f} s"
@@ -95,7 +95,7 @@ def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, p
         remedy = "try the other" if a.modality else "give a truth of the recording's own times"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
     for m, table in tables.items():
-        if left := len(estimates[m]) - len(table):
+        if m in MODALITIES and (left := len(estimates[m]) - len(table)):
             text = f"{a.recording}: {left} of {len(estimates[m])} {m} images have no truth, and do not count"
             warnings.warn(text, stacklevel=2)
     seen = max(tables, key=lambda m: tables[m].position_error_m.count())

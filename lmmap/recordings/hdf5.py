@@ -47,7 +47,7 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
             if len(t):
                 ends = np.array([t[0], t[-1]])
                 span_us = tuple(offset_us + int(end_us) for end_us in microseconds(ends, time_unit))
-            guessed = Guessed.of(t[:RUN], t[-RUN:]) if len(t) and not time_unit else None
+            guessed = None if time_unit else Guessed.of(t[:RUN], t[-RUN:])
             inside = partial(dict, cameras)
             return Source(path, size_px, events, frames, span_us, cameras=inside, guessed=guessed)
         if prophesee.HDF5_EVENTS in file:

@@ -64,8 +64,7 @@ def read_npy(path: Path, time_unit: str | None = None) -> Source:
     unit = time_unit or unit
     events = partial(_npy_events, path, columns, unit)
     t = rows[columns["t"]]
-    guessed = None if unit or not len(t) else Guessed.of(t[:CHUNK])
-    return Source(path, size_px, events, guessed=guessed)
+    return Source(path, size_px, events, guessed=None if unit else Guessed.of(t[:CHUNK]))
 
 
 def _header(file: BinaryIO) -> tuple[list[str], str, None]:
@@ -118,8 +117,7 @@ def _read_lines(path: Path, header: Callable[[BinaryIO], tuple], time_unit: str 
     unit, times = time_unit or unit, []
     events = partial(_line_events, path, start, names, columns, unit, separator)
     next(events(times), None)  # a file that holds no such lines is refused now, not when it is used
-    t = times[0] if times else np.zeros(0)
-    guessed = None if unit or not len(t) else Guessed.of(t[:CHUNK])
+    guessed = None if unit else Guessed.of(*times)
     return Source(path, named_px or size_px, events, guessed=guessed)
 
 

@@ -74,10 +74,22 @@ def test_a_sensor_that_is_quiet_or_busy_is_not_noted(tmp_path, ending):
     quiet, busy = some_events(20_000, 19.0), some_events(50_000, 0.005)
     simulated = some_events(200_000, 2.0)
     simulated["t_us"] -= simulated["t_us"] % 1000  # a simulator that steps by milliseconds
+    coarse = some_events(50_000, 0.5)
+    coarse["t_us"] -= coarse["t_us"] % 33_000
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for e in (quiet, busy, simulated):
+        for e in (quiet, busy, simulated, coarse):
             open_recording(write(tmp_path / f"e.{ending}", e["t_us"], e), CAMERA)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e308])
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_times_that_are_none_are_refused_as_before(tmp_path, ending, value):
+    e = some_events(300)
+    t = e["t_us"] / 1e6
+    t[200] = value
+    with pytest.raises(InputError, match=f"e.{ending}: "):
+        open_recording(write(tmp_path / f"e.{ending}", t, e), CAMERA)
 
 
 @pytest.mark.parametrize("name", ["t_ns", "t [s]"])
