@@ -17,6 +17,7 @@ import numpy as np
 
 from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
 from .limits import check_times
+from .order import in_order
 from .units import Guessed
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
@@ -62,9 +63,10 @@ class Stream:
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
-        chunks = self.source.events()
+        if not self.checked:
+            return self._with_file_name(timely_events(self.source.events()))
         return self._with_file_name(
-            checked_events(chunks, self.camera.size_px) if self.checked else timely_events(chunks)
+            checked_events(self.source.events(), self.camera.size_px, str(self.source.path))
         )
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
@@ -179,29 +181,19 @@ def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
         yield t_us, frame
 
 
-def checked_events(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
-    """Pass chunks on; ValueError, with a remedy, where time runs backward or a pixel is not the sensor's."""
-    before, last_us = 0, -(2**63)
-    for e in chunks:
-        if not len(e):
-            continue
-        t_us = e["t_us"]
-        check_times(t_us[[0, -1]])  # in order, as is checked next, those between them are too
-        back = [-1] if t_us[0] < last_us else np.flatnonzero(t_us[1:] < t_us[:-1])
-        if len(back):
-            k = back[0]
-            by_us = (t_us[k] if k >= 0 else last_us) - t_us[k + 1]
-            raise ValueError(
-                f"time of the events runs backward by {by_us} us after number {before + k}; "
-                "sort by time, or cut the recording there ('lmmap info' counts such faults)"
-            )
+def checked_events(
+    chunks: Iterable[np.ndarray], size_px: tuple[int, int], name: str | None = None
+) -> Iterator[np.ndarray]:
+    """Pass chunks on, `in_order`; ValueError, with a remedy, where a pixel is not the sensor's."""
+    before = 0
+    for e in in_order(chunks, name):
         if len(outside := np.flatnonzero(~on_sensor(e, size_px))):
             k = outside[0]
             raise ValueError(
                 f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
                 f"{e['y'][k]}); check the sensor's size and the order of x and y"
             )
-        before, last_us = before + len(e), t_us[-1]
+        before += len(e)
         yield e
 
 
