@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -11,67 +12,97 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from ..types import InputError
+from .depth import eight_bit
+from .encodings import Unread, pixels
 from .images import decode
-from .limits import check_image
-from .stream import Source, in_chunks
+from .packets import TYPES, Packets
+from .stream import Source, in_chunks, nothing
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-TO_RGB = {
-    "mono8": cv2.COLOR_GRAY2RGB, "8UC1": cv2.COLOR_GRAY2RGB,
-    "bgr8": cv2.COLOR_BGR2RGB, "8UC3": cv2.COLOR_BGR2RGB,
-    "rgb8": None, "rgba8": cv2.COLOR_RGBA2RGB, "bgra8": cv2.COLOR_BGRA2RGB,
-    "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB, "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
-    "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB, "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
-}  # fmt: skip
+EVENTS = ("/EventArray", "/EventPacket")  # ends of the types of event messages
 
 
 class Dialect(NamedTuple):
     """How bags of one kind are read.
 
     ``open(path)`` gives a block its reader, and what damaged bytes raise there is an `InputError`.
-    ``event_kinds`` end the types of event messages.  ``decoder()`` makes a function, for one pass over the
-    messages in their order, from ``(reader, connection, bytes)`` to ``((width, height), events)``;
-    ``deserialize`` makes a message of the same.
+    ``array`` makes of ``(reader, connection, bytes)`` of an event array ``((width, height), events)``, and
+    ``deserialize`` makes a message of any.  ``stamp`` gives seconds and nanoseconds of a message's header.
     """
 
     open: Callable[[Path], AbstractContextManager]
-    event_kinds: tuple[str, ...]
-    decoder: Callable[[], Callable]
+    array: Callable
     deserialize: Callable
+    stamp: Callable[[bytes], tuple[int, int]]
 
-    def has_events(self, kind: str) -> bool:
-        return kind.endswith(self.event_kinds)
+    def time_us(self, raw: bytes) -> int:
+        """A message's time, rounded to microseconds."""
+        seconds, nanoseconds = self.stamp(raw)
+        return seconds * 10**6 + (nanoseconds + 500) // 1000
 
-    def image(self, bag, connection, raw: bytes) -> tuple[int, np.ndarray]:
+    def decoder(self) -> Callable:
+        """A function, for one pass over messages in their order, from ``(reader, connection, bytes, header's
+        time)`` to ``((width, height), events)``."""
+        packets = Packets()
+
+        def decode_events(bag, connection, raw: bytes, header_us: int):
+            if connection.msgtype not in TYPES:
+                return self.array(bag, connection, raw)
+            message = self.deserialize(bag, connection, raw)
+            return (message.width, message.height), packets(message, header_us)
+
+        return decode_events
+
+    def image(self, bag, connection, raw: bytes) -> np.ndarray:
+        """The image (H, W, 3) of a message, u8 or u16; raises `Unread`."""
         message = self.deserialize(bag, connection, raw)
-        return time_us(message.header.stamp), _rgb(message)
+        if not hasattr(message, "format"):
+            return pixels(message)
+        if "compressedDepth" in message.format:
+            raise Unread(f"images encoded as {message.format[:40]}")
+        return decode(bytes(message.data))
+
+
+class Topic(NamedTuple):
+    """A topic that is read, by its name: size and type of its first image or events, and whether its messages
+    have no stamps, and its events no times."""
+
+    name: str
+    size_px: tuple[int, int]
+    dtype: np.dtype
+    no_stamps: bool
+    no_times: bool
+
+    def messages(self, bag, dialect: Dialect) -> Iterator[tuple]:
+        """Connection, bytes and time of each message: its stamp or, without stamps, when it was recorded."""
+        for connection, recorded_ns, raw in _messages(bag, self.name):
+            yield connection, raw, recorded_ns // 1000 if self.no_stamps else dialect.time_us(raw)
 
 
 def read(path: Path, dialect: Dialect) -> Source:
-    """The first topic of each kind; raises `InputError`."""
+    """A topic of events and one of images; raises `InputError`."""
     with dialect.open(path) as bag:
-        topics = [_first_topic(bag, path, wanted) for wanted in (dialect.has_events, IMAGES.__contains__)]
-        if not any(topics):
-            kinds = ", ".join(kind.strip("/") for kind in dialect.event_kinds)
-            raise ValueError(f"no {kinds} or image in {len(bag.topics)} topics")
-        first = next((message for topic in topics if topic for message in bag.messages(topic)), None)
-        if first is None:
+        if not any(_kind(c.msgtype) for c in bag.connections):
+            raise ValueError(f"no EventArray, EventPacket or image in {len(bag.topics)} topics")
+        unread: list[str] = []
+        events, images = (_topic(bag, path, dialect, kind, unread) for kind in ("events", "images"))
+        if not (events or images or unread):
             raise ValueError("no message in its topics")
-        connection, _, raw = first
-        if dialect.has_events(connection.msgtype):
-            size_px, _ = dialect.decoder()(bag, connection, raw)
-        else:
-            size_px = dialect.image(bag, connection, raw)[1].shape[1::-1]
         span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
         details = partial(dict, topics=_topics(bag))
-    events, frames = partial(_events, path, dialect, size_px), partial(_frames, path, dialect)
-    names = tuple(topic[0].topic for topic in topics if topic)
+    if not (events or images):
+        raise InputError(f"{path}: cannot read {'; '.join(unread)}; convert them to another encoding")
+    for text in unread:
+        warnings.warn(f"{path}: left out {text}", stacklevel=4)
+    event_chunks = partial(_events, path, dialect, events) if events else nothing
+    frames = eight_bit(path, partial(_frames, path, dialect, images), images.dtype) if images else nothing
+    names = tuple(topic.name for topic in (events, images) if topic)
     cameras = partial(_cameras, path, dialect, all(re.search("_rect|rectified", name) for name in names))
-    return Source(path, size_px, events, frames, span_us, details, cameras, names)
+    return Source(path, (events or images).size_px, event_chunks, frames, span_us, details, cameras, names)
 
 
 def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
@@ -90,62 +121,72 @@ def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
     return cameras
 
 
-def _events(path: Path, dialect: Dialect, size_px: tuple[int, int]) -> Iterator[np.ndarray]:
+def _events(path: Path, dialect: Dialect, topic: Topic) -> Iterator[np.ndarray]:
     decode_events = dialect.decoder()
 
     def batches(bag):
-        for connection, _, raw in _messages(bag, path, dialect.has_events):
-            size, batch = decode_events(bag, connection, raw)
-            if size != size_px:
-                raise ValueError(f"events for {size} px among those for {size_px} px")
+        for connection, raw, header_us in topic.messages(bag, dialect):
+            size, batch = decode_events(bag, connection, raw, header_us)
+            if size != topic.size_px:
+                raise ValueError(f"events for {size} px among those for {topic.size_px} px")
+            if topic.no_times:
+                batch["t_us"] = header_us
             yield batch
 
     with dialect.open(path) as bag:
         yield from in_chunks(batches(bag))
 
 
-def _frames(path: Path, dialect: Dialect) -> Iterator[tuple[int, np.ndarray]]:
+def _frames(path: Path, dialect: Dialect, topic: Topic) -> Iterator[tuple[int, np.ndarray]]:
     with dialect.open(path) as bag:
-        for connection, _, raw in _messages(bag, path, IMAGES.__contains__):
-            yield dialect.image(bag, connection, raw)
+        for connection, raw, header_us in topic.messages(bag, dialect):
+            yield header_us, dialect.image(bag, connection, raw)
 
 
-def _messages(bag, path: Path, wanted):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # said when the file was opened
-        connections = _first_topic(bag, path, wanted)
-    return bag.messages(connections) if connections else iter(())  # of no connection means of all
+def _topic(bag, path: Path, dialect: Dialect, kind: str, unread: list[str]) -> Topic | None:
+    """The first topic of a kind that can be read, of depth only where there is no other; a warning names those
+    that are not taken.  ``unread`` takes the reasons where none can be read."""
+    names, readable, reasons = {c.topic for c in bag.connections if _kind(c.msgtype) == kind}, [], []
+    for name in sorted(names):
+        try:
+            if first := list(islice(_messages(bag, name), 2)):
+                readable.append(_look(bag, dialect, name, first))
+        except Unread as reason:
+            reasons.append(f"{name} ({reason})")
+    if not readable:
+        unread.extend(reasons)
+        return None
+    topic = min(readable, key=lambda topic: ("depth" in topic.name.lower(), topic.dtype == np.uint16))
+    if skipped := sorted(names - {topic.name}):
+        warnings.warn(f"{path}: taking {topic.name}, not {', '.join(skipped)}", stacklevel=4)
+    if topic.no_stamps or topic.no_times:
+        taken = "stamps of its messages" if not topic.no_stamps else "times at which it was recorded"
+        warnings.warn(f"{path}: the times of {topic.name} are zero; taking the {taken}", stacklevel=4)
+    return topic
 
 
-def _first_topic(bag, path: Path, wanted) -> list:
-    """Connections of the first topic whose type is ``wanted``; a warning names the others."""
-    connections = sorted((c for c in bag.connections if wanted(c.msgtype)), key=lambda c: c.topic)
-    if skipped := sorted({c.topic for c in connections} - {c.topic for c in connections[:1]}):
-        warnings.warn(f"{path}: taking {connections[0].topic}, not {', '.join(skipped)}", stacklevel=4)
-    return [c for c in connections if c.topic == connections[0].topic]
+def _look(bag, dialect: Dialect, name: str, first: list[tuple]) -> Topic:
+    """What the first two messages of a topic say."""
+    no_stamps = not any(dialect.time_us(raw) for _, _, raw in first)
+    connection, recorded_ns, raw = first[0]
+    if _kind(connection.msgtype) == "images":
+        image = dialect.image(bag, connection, raw)
+        return Topic(name, image.shape[1::-1], image.dtype, no_stamps, False)
+    size_px, events = dialect.decoder()(bag, connection, raw, 0)
+    is_array, stamp_us = connection.msgtype not in TYPES, recorded_ns if no_stamps else dialect.time_us(raw)
+    no_times = bool(is_array and stamp_us and len(events) and not events["t_us"].any())
+    return Topic(name, size_px, events.dtype, no_stamps, no_times)
+
+
+def _kind(msgtype: str) -> str | None:
+    return "events" if msgtype.endswith(EVENTS) else "images" if msgtype in IMAGES else None
+
+
+def _messages(bag, topic: str) -> Iterator[tuple]:
+    return bag.messages([c for c in bag.connections if c.topic == topic])
 
 
 def _topics(bag) -> list[str]:
     """Each topic with its type and its number of messages."""
     topics = sorted(bag.topics.items())
     return [f"{name} ({topic.msgtype or 'several types'}, {topic.msgcount})" for name, topic in topics]
-
-
-def time_us(stamp) -> int:
-    """A message's time, rounded to microseconds."""
-    return stamp.sec * 10**6 + (stamp.nanosec + 500) // 1000
-
-
-def _rgb(message) -> np.ndarray:
-    if hasattr(message, "format"):
-        return decode(bytes(message.data))
-    if message.encoding not in TO_RGB:
-        raise ValueError(f"images encoded as {message.encoding}")
-    check_image(message.width, message.height)
-    rows = np.asarray(message.data).reshape(message.height, message.step)
-    depth = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3}.get(message.encoding, 1)
-    pixels = np.ascontiguousarray(rows[:, : message.width * depth]).reshape(
-        message.height, message.width, depth
-    )
-    code = TO_RGB[message.encoding]
-    return pixels if code is None else cv2.cvtColor(pixels, code)

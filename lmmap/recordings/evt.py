@@ -167,3 +167,12 @@ def mono(e: np.ndarray, time_base_ns: int) -> np.ndarray:
     """Events (M,) EVENT of records (M,) `MONO`, the codec "mono"."""
     t_us = (e["ns"].astype(np.int64) + (time_base_ns + 500)) // 1000
     return event_array(t_us, e["x"], e["y"] & 0x7FFF, e["y"] >> 15 == 1)
+
+
+LIBCAER = np.dtype([("data", "<u4"), ("t_us", "<i4")])  # bits of data: valid, polarity, 15 of y, 15 of x
+
+
+def libcaer(e: np.ndarray) -> np.ndarray:
+    """Events (M,) EVENT of records (M,) `LIBCAER`, the codec "libcaer"; their time rolls over at 2^31."""
+    t_us = np.unwrap(e["t_us"].astype(np.int64), period=1 << 31)
+    return event_array(t_us, e["data"] >> 17, e["data"] >> 2 & 0x7FFF, e["data"] >> 1 & 1)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from contextlib import contextmanager
 from dataclasses import replace
+from decimal import Decimal
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from PIL import Image
 
 from .. import files
 from ..files import regular_file
+from .depth import eight_bit
 from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, reader
 from .tables import read_text
@@ -38,7 +41,7 @@ def read_folder(path: Path) -> Source:
     return replace(source, events=lambda: read_text(event_file).events()) if event_file.exists() else source
 
 
-picture = reader("cannot read this picture", "give 8-bit PNG or JPEG files", (cv2.error,))
+picture = reader("cannot read this picture", "give PNG or JPEG files", (cv2.error,))
 
 
 @picture
@@ -65,12 +68,19 @@ def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
         yield t_us[0], first
         yield from zip(t_us[1:], map(read_image, names[1:]), strict=True)
 
-    return Source(path, first.shape[1::-1], frames=frames, span_us=(min(t_us), max(t_us)))
+    span_us = min(t_us), max(t_us)
+    return Source(path, first.shape[1::-1], frames=eight_bit(path, frames, first.dtype), span_us=span_us)
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """The image files of a folder, in the order of their names."""
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    """The image files of a folder, in the order of the numbers in their names."""
+    return sorted((p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES), key=_numbers)
+
+
+def _numbers(path: Path) -> tuple[list, str]:
+    """A name's key: its texts and numbers by turns."""
+    parts = re.split(r"([0-9]+(?:\.[0-9]+)?)", path.stem)
+    return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)], path.name
 
 
 def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
@@ -92,7 +102,7 @@ def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
 
 
 def read_image(path: Path) -> np.ndarray:
-    """The image (H, W, 3) u8 RGB of a file; ValueError, with its name, where it holds none."""
+    """The image (H, W, 3) RGB of a file, u8 or u16; ValueError, with its name, where it holds none."""
     try:
         return decode(regular_file(path, MAX_IMAGE_BYTES).read_bytes())
     except ValueError as error:
@@ -100,7 +110,7 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def decode(content: bytes) -> np.ndarray:
-    """The image (H, W, 3) u8 RGB of a file's bytes; ValueError where they are none, or where it is too large.
+    """The image (H, W, 3) RGB of a file's bytes, u8 or u16; ValueError where they are none, or it is too large.
 
     Its size is read before its pixels are: a megabyte can stand for gigapixels.
     """
@@ -114,7 +124,7 @@ def decode(content: bytes) -> np.ndarray:
         raise ValueError(reason) from None
     if is_jpeg and JPEG_END not in content[-4096:]:
         raise ValueError("an image that ends early")
-    rgb = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB)
+    rgb = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH)
     if rgb is None:
         raise ValueError("not an image that can be decoded")
     return rgb

@@ -1,5 +1,8 @@
-"""Events in the order of time.  Drivers now and then stamp a few of them early or late, or hand packets over that
-overlap; those are left out or sorted, and counted.  A clock that was set back is an error."""
+"""Events in the order of time.
+
+Drivers now and then stamp a few events early or late, or hand packets over that overlap; those are left out or
+sorted, and counted.  A clock that was set back is an error.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ def in_order(chunks: Iterable[np.ndarray], name: str | None = None) -> Iterator[
     """Pass chunks (M,) EVENT on; ValueError, with a remedy, where time runs backward.
 
     With a ``name``, that of the recording, a few events out of order are sorted or left out, and a warning at
-    the end counts them.  A chunk waits for the next one, which tells such events from a clock that was set back.
+    the end counts them.  A chunk waits for the next, which tells such events from a clock that was set back.
     """
     mender, held, is_sound = _Mender(name), None, True
     try:
@@ -85,18 +88,18 @@ class _Mender:
 
     def _fault(self, t_us: np.ndarray) -> str:
         steps = np.flatnonzero(t_us[1:] < t_us[:-1])
-        k = steps[0]
+        by_us, number = t_us[steps[0]] - t_us[steps[0] + 1], self._before + steps[0]
         remedy = "the clock was set back, so cut the recording there"
         if len(steps) > 1:
             remedy = f"{len(steps)} such steps are too many, so write the events in the order of time"
         return (
-            f"time of the events runs backward by {t_us[k] - t_us[k + 1]} us after number {self._before + k}; "
-            f"{remedy} ('lmmap info' counts such faults)"
+            f"time of the events runs backward by {by_us} us after number {number}; {remedy} ('lmmap info' counts "
+            "such faults)"
         )
 
     def tell(self) -> None:
         """A warning that counts what was sorted and left out."""
         counts = {"left out": self._left_out, "sorted": self._sorted}
         if done := " and ".join(f"{n} {what}" for what, n in counts.items() if n):
-            warnings.warn(f"{self._name}: events up to {self._farthest_us} us out of the order of time: {done}",
-                          stacklevel=2)  # fmt: skip
+            text = f"events up to {self._farthest_us} us out of the order of time: {done}"
+            warnings.warn(f"{self._name}: {text}", stacklevel=2)

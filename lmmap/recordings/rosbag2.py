@@ -1,7 +1,6 @@
 """ROS 2 bags: folders with ``.db3`` or ``.mcap`` files, or one such file.
 
-Events are read from dvs_msgs/EventArray, or from event_camera_msgs/EventPacket as evt3, libcaer_cmp or mono;
-images from sensor_msgs/Image and CompressedImage.
+Events are read from dvs_msgs/EventArray and from `packets`, images from sensor_msgs/Image and CompressedImage.
 """
 
 from __future__ import annotations
@@ -18,26 +17,17 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ..types import event_array
-from . import bags, evt, rosbag
+from . import bags, packets, rosbag
 from .bounded_bag2 import open_bag
 from .stream import input_errors
 
 ERRORS = (*rosbag.ERRORS, AnyReaderError, ReaderError, apsw.Error, TypeError, AttributeError)
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # for bags from before 2023, which state no types
-PACKET_MSG = """std_msgs/Header header
-uint32 height
-uint32 width
-uint64 seq
-uint64 time_base
-string encoding
-bool is_bigendian
-uint8[] events
-"""
 EVENT_MSG = "uint16 x\nuint16 y\nbuiltin_interfaces/Time ts\nbool polarity\n"
 for _name, _definition in (
     ("dvs_msgs/msg/Event", EVENT_MSG),
     ("dvs_msgs/msg/EventArray", rosbag.ARRAY_MSG),
-    ("event_camera_msgs/msg/EventPacket", PACKET_MSG),
+    *((name, packets.DEFINITION) for name in packets.TYPES),
 ):
     STORE.register(get_types_from_msg(_definition, _name))
 # An event of an array: CDR aligns its time to 4 bytes, so that 13 bytes take 16, counted from 4 before them
@@ -90,54 +80,10 @@ def _array_events(raw: bytes, fields: list[str]) -> np.ndarray:
     )
 
 
-class Decoder:
-    """Events of arrays, and of packets of event_camera_msgs in their order.
-
-    Times of libcaer_cmp and mono are ROS times.  Those of evt3 are the sensor's: they are shifted so that
-    the first packet begins at its header's stamp.
-    """
-
-    def __init__(self):
-        self.evt3, self.libcaer, self.shift_us = evt.Evt3(), evt.Evt3(evt.LIBCAER_CMP), None
-
-    def __call__(self, bag, connection, raw: bytes) -> tuple[tuple[int, int], np.ndarray]:
-        """Size and events of one message."""
-        size_px = _size_px(raw)
-        if connection.msgtype.endswith("/EventArray"):
-            return size_px, _array_events(raw, _fields_of(bag, connection.msgtype))
-        return size_px, self._packet_events(bag.deserialize(raw, connection.msgtype))
-
-    def _packet_events(self, message) -> np.ndarray:
-        if message.is_bigendian:
-            raise ValueError("event packets in big-endian order")
-        packed = np.asarray(message.events, np.uint8)
-        base_us = (message.time_base + 500) // 1000
-        if message.encoding == "evt3":
-            events = self.evt3.events(_words(packed, self.evt3.word))
-            if self.shift_us is None and len(events):
-                self.shift_us = bags.time_us(message.header.stamp) - int(events["t_us"][0])
-            base_us = self.shift_us or 0
-        elif message.encoding == "libcaer_cmp":
-            self.libcaer.start_at_zero()
-            events = self.libcaer.events(_words(packed, self.libcaer.word))
-        elif message.encoding == "mono":
-            events, base_us = evt.mono(_words(packed, evt.MONO), message.time_base), 0
-        else:
-            raise ValueError(f"event packets encoded as {message.encoding}, expected evt3, libcaer_cmp, mono")
-        events["t_us"] += base_us
-        return events
-
-
-def _words(packed: np.ndarray, word: np.dtype) -> np.ndarray:
-    if len(packed) % word.itemsize:
-        raise ValueError(f"an event packet of {len(packed)} bytes, expected a multiple of {word.itemsize}")
-    return packed.view(word)
-
-
 ROS2 = bags.Dialect(
     _open,
-    ("/EventArray", "/EventPacket"),
-    Decoder,
+    lambda bag, connection, raw: (_size_px(raw), _array_events(raw, _fields_of(bag, connection.msgtype))),
     lambda bag, connection, raw: bag.deserialize(raw, connection.msgtype),
+    lambda raw: struct.unpack_from("<iI" if raw[1] & 1 else ">iI", raw, 4),
 )
 read = partial(bags.read, dialect=ROS2)

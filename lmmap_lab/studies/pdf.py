@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lmmap.files import regular_file
+from lmmap.recordings.depth import scaled
 from lmmap.recordings.images import decode, pictures_in, read_image
 from lmmap.recordings.stream import input_errors
 from lmmap.types import InputError
@@ -43,7 +44,7 @@ def pictures(path: Path) -> Iterator[tuple[str, np.ndarray]]:
 
 def _read(path: Path) -> np.ndarray:
     try:
-        return read_image(path)
+        return scaled(read_image(path))
     except ValueError as error:
         raise InputError(f"{path}: cannot read this picture ({error}); take it out of the folder") from None
 
@@ -58,6 +59,6 @@ def _pdf_pictures(path: Path) -> Iterator[tuple[str, np.ndarray]]:
     with input_errors(path, "not a PDF that can be read", "print it to a new file", damage):
         for number, page in enumerate(PdfReader(regular_file(path, MAX_PDF_BYTES)).pages, 1):
             for k, embedded in enumerate(page.images, 1):
-                image = decode(embedded.data)
+                image = scaled(decode(embedded.data))
                 if min(image.shape[:2]) >= MIN_SIDE_PX:
                     yield f"page{number}-{k}", image

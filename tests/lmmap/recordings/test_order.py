@@ -1,4 +1,4 @@
-"""Laws of the order of time: a few events out of it cost no recording, and a clock that was set back is named."""
+"""Laws of the order of time: a few events out of it cost no recording; a clock that was set back is named."""
 
 import re
 import warnings

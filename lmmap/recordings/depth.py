@@ -1,0 +1,52 @@
+"""Images of 16 bits a value, of which cameras use 10, 12, 14 or all."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+BITS = (10, 12, 14, 16)
+LOOKED_AT = 16  # images of a recording, for the bits that its values use
+
+
+def eight_bit(path: Path, frames: Callable[[], Iterator], first: np.dtype) -> Callable[[], Iterator]:
+    """The same ``(t_us, image)`` with 8 bits a value; ``first`` is the first image's type.
+
+    All values of 16 bits are scaled alike, by the least of `BITS` that hold those of the first images and of
+    the images so far.  A warning says which, unless they are all 16.
+    """
+    bits = BITS[0]
+    if first != np.uint8:
+        bits = max(bits_of(image) for _, image in islice(frames(), LOOKED_AT))
+        _tell(path, bits)
+    return partial(_eight_bit, path, frames, bits)
+
+
+def bits_of(image: np.ndarray) -> int:
+    """The least of `BITS` that hold an image's values; ValueError for other values than of 8 or 16 bits."""
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"an image of {image.dtype}, expected 8 or 16 bits")
+    return next(bits for bits in BITS if image.max(initial=0) < 1 << bits)
+
+
+def scaled(image: np.ndarray, bits: int | None = None) -> np.ndarray:
+    """An image of 8 or 16 bits with 8 bits a value, of which ``bits`` are used (default: `bits_of` it)."""
+    return image if image.dtype == np.uint8 else (image >> (bits or bits_of(image)) - 8).astype(np.uint8)
+
+
+def _eight_bit(path: Path, frames: Callable[[], Iterator], bits: int) -> Iterator:
+    for t_us, image in frames():
+        if image.dtype != np.uint8 and bits_of(image) > bits:
+            bits = bits_of(image)
+            _tell(path, bits)
+        yield t_us, scaled(image, bits)
+
+
+def _tell(path: Path, bits: int) -> None:
+    if bits < BITS[-1]:
+        warnings.warn(f"{path}: images of 16 bits whose values take {bits}; scaled by these", stacklevel=4)

@@ -1,0 +1,68 @@
+"""Packets of event_camera_msgs, or of event_array_msgs as they were called before, to events."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..types import event_array
+from . import evt
+from .encodings import Unread
+
+DEFINITION = """std_msgs/Header header
+uint32 height
+uint32 width
+uint64 seq
+uint64 time_base
+string encoding
+bool is_bigendian
+uint8[] events
+"""
+TYPES = "event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray"
+STREAMS = {"evt3": evt.Evt3, "evt21": evt.Evt21, "evt2": evt.Evt2}  # of the sensor, cut anywhere
+PACKED = {"libcaer_cmp": evt.Evt3.word, "libcaer": evt.LIBCAER, "mono": evt.MONO}  # counted from a base
+SAME_CLOCK_US = 1_000_000  # between a base and its header, both of ROS
+
+
+class Packets:
+    """Events of packets in their order, at the times of their headers.
+
+    Times in a stream of the sensor are the sensor's, and bases may be: they are shifted so that the first packet
+    begins at its header's time.  Bases near it are ROS times.
+    """
+
+    def __init__(self):
+        self._streams, self._shift_us = {name: make() for name, make in STREAMS.items()}, None
+        self._libcaer = evt.Evt3(evt.LIBCAER_CMP)
+
+    def __call__(self, message, header_us: int) -> np.ndarray:
+        """Events (M,) EVENT of a message; raises `Unread`, and ValueError for a damaged one."""
+        if message.is_bigendian:
+            raise Unread("event packets in big-endian order")
+        name, packed = message.encoding, np.asarray(message.events, np.uint8)
+        if name in STREAMS:
+            events, base_us = self._streams[name].events(_words(packed, STREAMS[name].word)), 0
+            start_us = int(events["t_us"][0]) if len(events) else None
+        elif name in PACKED:
+            base_us = start_us = (message.time_base + 500) // 1000
+            words = _words(packed, PACKED[name])
+            if name == "libcaer_cmp":
+                self._libcaer.start_at_zero()
+                events = self._libcaer.events(words)
+            elif name == "libcaer":
+                events = evt.libcaer(words)
+            else:
+                events, base_us = evt.mono(words, message.time_base), 0
+        else:
+            expected = ", ".join((*STREAMS, *PACKED))
+            raise Unread(f"event packets encoded as {name[:40]}, expected {expected}")
+        if self._shift_us is None and start_us is not None:
+            shift_us = header_us - start_us
+            self._shift_us = shift_us if name in STREAMS or abs(shift_us) > SAME_CLOCK_US else 0
+        events["t_us"] += base_us + (self._shift_us or 0)
+        return events
+
+
+def _words(packed: np.ndarray, word: np.dtype) -> np.ndarray:
+    if len(packed) % word.itemsize:
+        raise ValueError(f"an event packet of {len(packed)} bytes, expected a multiple of {word.itemsize}")
+    return packed.view(word)
