@@ -12,13 +12,14 @@ from ..pipeline.image_estimator import settings_for
 from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
 from ..types import Camera, InputError
-from .inputs import as_read, find_port, input_files, open_input
+from .inputs import as_read, check_rate, find_port, input_files, open_input
 from .progress import Bar
 
 
 def draw(a) -> None:
     """A video of the estimates, or a file for Rerun, each on the frame or histogram of its time."""
     check_output(a.output, [*input_files(a), a.poses], overwrite=a.overwrite)
+    check_rate("--rate", a.rate, "estimates")
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
     shots = timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)

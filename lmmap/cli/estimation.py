@@ -27,6 +27,7 @@ from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
 from .inputs import (
     as_read,
+    can_be_fused,
     check_between,
     input_files,
     make_estimator,
@@ -44,6 +45,8 @@ def estimate(a) -> None:
     stream = open_input(a)
     modalities = MODALITIES if a.modality == "fused" else (a.modality,)
     estimators = {m: make_estimator(a, stream.camera, m) for m in modalities}
+    if a.modality == "fused":
+        can_be_fused(stream, needed=True)
     port = estimators[modalities[0]].port
     views = [view(path, port, stream.camera) for view, path in _views(a).items()]
     between, stopped = 0, False
@@ -70,7 +73,7 @@ def estimate(a) -> None:
         except KeyboardInterrupt:
             stopped = True
         if not journal.statuses and not stopped:
-            raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings)
+            raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings, a.rate)
     _report(a, journal, resumed, stopped, between)
 
 

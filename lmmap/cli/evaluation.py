@@ -19,7 +19,7 @@ from ..settings import MODALITIES
 from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port, Trajectory
 from . import plugins
-from .inputs import make_estimator, open_input
+from .inputs import can_be_fused, make_estimator, open_input
 from .progress import Bar
 
 DAY_US = 86_400_000_000  # no recording is longer
@@ -34,9 +34,10 @@ def evaluate(a) -> None:
     _check_clock(a, stream)
     single = (a.modality,) if a.modality in MODALITIES else MODALITIES
     estimators = {m: make_estimator(a, stream.camera, m) for m in single}
+    both = single == MODALITIES and not a.as_printed and can_be_fused(stream, needed=a.modality == "fused")
     port = estimators[single[0]].port
     estimates = {m: _estimates(stream, e, a.rate) for m, e in estimators.items()}
-    if single == MODALITIES and all(estimates.values()) and not a.as_printed:
+    if both and all(estimates.values()):
         estimates["fused"] = list(fuse(merge_by_time(estimates), port.yaw_period_rad, a.rate))
     tables = _error_tables(a, stream, estimates, port)
     if a.json:

@@ -64,6 +64,8 @@ def _text(name: str, value) -> str:
         return "{:.2f} to {:.2f}".format(*value)
     if name == "would_estimate":
         return f"{value['rgb']} frames (--modality rgb), {value['event']} histograms (--modality event)"
+    if name.endswith("_at_s"):
+        return "{:.3f} to {:.3f}".format(*value)
     if isinstance(value, list):
         return ", ".join(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)

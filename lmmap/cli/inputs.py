@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from ..camera_files import split_name
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
+from ..recordings.clocks import doubt, spans
 from ..recordings.formats import open_stream
 from ..recordings.pose_bags import STORES, PoseBag
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
+from ..tracking.fusion import LEAST_HZ
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 
@@ -54,10 +57,23 @@ def network_set(a) -> str:
     return a.domain_gap or (PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS)
 
 
+def can_be_fused(stream: Stream, needed: bool) -> bool:
+    """Whether frames and events overlap; a warning where they seem to have different clocks, or, if fusion is
+    ``needed``, `InputError` where they do not overlap."""
+    reason, apart = doubt(*spans(stream))
+    text = f"{stream.source.path}: {reason}"
+    if apart and needed:
+        raise InputError(f"{text}, so their clocks differ; give --modality rgb or event")
+    if apart:
+        warnings.warn(f"{text}, so their clocks differ; they are not fused", stacklevel=2)
+    elif reason:
+        warnings.warn(f"{text}; unless one camera was on for longer, their clocks differ", stacklevel=2)
+    return not apart
+
+
 def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstimator:
     """The estimator of one camera by the command line's arguments."""
-    if a.rate is not None and not 0 < a.rate < 1e4:
-        raise InputError(f"--rate {a.rate:g}: give a number of estimates per second between 0 and 10000")
+    check_rate("--rate", a.rate, "estimates")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
     kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
@@ -69,8 +85,15 @@ def check_between(a) -> None:
     """Whether poses between images can be had as often as the command line asks."""
     if a.modality == "rgb":
         raise InputError("--between: events follow the port between images; give another --modality than rgb")
-    if not 0 < a.between < 1e4:
-        raise InputError(f"--between {a.between:g}: give a number of poses per second between 0 and 10000")
+    check_rate("--between", a.between, "poses")
+
+
+def check_rate(name: str, rate_hz: float | None, what: str) -> None:
+    """Whether so many a second can be had."""
+    if rate_hz is not None and not LEAST_HZ <= rate_hz < 1e4:
+        raise InputError(
+            f"{name} {rate_hz:g}: give a number of {what} per second between {LEAST_HZ:g} and 1e4"
+        )
 
 
 def find_port(a) -> Port:
@@ -79,8 +102,13 @@ def find_port(a) -> Port:
     return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
 
 
-def no_images(stream: Stream, modality: str, settings) -> InputError:
-    """The error of a recording without images of a modality."""
-    what = "no frames" if modality == "rgb" else f"fewer than {settings.events_per_window} events"
-    other = "--modality event" if modality == "rgb" else "--modality rgb, or fewer --events"
-    return InputError(f"{stream.source.path}: holds {what}; try {other}")
+def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = None) -> InputError:
+    """The error of a recording without images of a modality, of events at a rate."""
+    path, count = stream.source.path, settings.events_per_window
+    if modality == "rgb":
+        return InputError(f"{path}: holds no frames; try --modality event")
+    events, _ = spans(stream) if rate_hz else (None, None)
+    if events and events.count >= count:
+        return InputError(f"{path}: lasts {events.seconds:.3g} s, and no time that --rate {rate_hz:g} asks for "
+                          f"is behind its first {count} events; give a higher one, or none")  # fmt: skip
+    return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..pipeline.histograms import check_count, windows_before
 from ..settings import PAPER
-from ..types import EVENT, concatenate_events
+from ..tracking.fusion import LEAST_HZ, MOST_HZ
+from ..types import EVENT, check_number, concatenate_events
 
 LONG_GAP_S = 10.0  # without an event: longer, and it is named
 
@@ -37,16 +38,23 @@ def windows_at(
     before their events those that came before, up to ``times`` as many in all.
 
     A tick without a new event since the one before has no window of its own and is passed over, so that a
-    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.
+    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.  Another one says that
+    there are about as many images as events.
     """
     check_count(count)
-    recent, tick, first_us, warned = np.zeros(0, EVENT), 1, None, False
+    check_number("rate_hz", rate_hz, LEAST_HZ, MOST_HZ)
+    recent, tick, first_us, warned, dense = np.zeros(0, EVENT), 1, None, False, False
     for chunk in chunks:
         if not len(chunk):
             continue
         first_us = int(chunk["t_us"][0]) if first_us is None else first_us
         recent = concatenate_events([recent, chunk])
         last_us = recent["t_us"][-1]
+        images = np.count_nonzero(np.diff(np.floor((chunk["t_us"] - first_us) * (rate_hz / 1e6))))
+        if not dense and images > max(len(chunk) / 2, 1000):
+            dense = True
+            warnings.warn(f"{rate_hz:g} images a second are about as many as the events; each image shares nearly "
+                          "all of its events with the one before", stacklevel=2)  # fmt: skip
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (window,) = windows_before(recent, [tick_us], count)
             if window is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..types import event_array
 from . import evt
 from .encodings import Unread
 

@@ -30,7 +30,6 @@ from .gate import match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
 
-LONG_GAP_S = 10.0  # after the last estimate: a track is long lost, and ticks would only say so
 LEAST_HZ, MOST_HZ = 1e-6, 1e6  # of fused estimates: one in 12 days, or one a microsecond
 MOST_BELIEF = 1 - 1e-9  # so that odds are finite
 # how far a failed image came
@@ -161,8 +160,8 @@ def fuse(
     within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
-    without markers counts for nothing: no marker confirms it.  Ticks of a gap, `LONG_GAP_S` after the last
-    estimate, are passed over.
+    without markers counts for nothing: no marker confirms it.  Ticks of a gap, ``settings.motion.lost_s`` after
+    the last estimate, are passed over: no image is left to say anything of.
 
     Raises
     ------
@@ -175,7 +174,7 @@ def fuse(
     for t_us, estimates in groupby(timed, key=lambda camera_estimate: camera_estimate[1].t_us):
         first_us, last_us = (t_us, t_us) if first_us is None else (first_us, last_us)
         while rate_hz and (tick_us := first_us + round(tick * 1e6 / rate_hz)) < t_us:
-            if tick_us - last_us > 1e6 * LONG_GAP_S:
+            if tick_us - last_us > 1e6 * settings.motion.lost_s:
                 tick = max(tick + 1, math.ceil((t_us - first_us) * rate_hz / 1e6))
                 continue
             yield _judged(fusion, tick_us, settings)

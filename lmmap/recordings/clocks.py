@@ -1,0 +1,82 @@
+"""Whether frames and events of a recording have one clock, as far as their spans tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import NamedTuple
+
+from ..types import InputError
+from .stream import Stream
+
+ALIKE_S, ALIKE_PERIODS = (
+    0.25,
+    1.5,
+)  # two cameras begin, and end, so far apart: seconds and periods of the frames
+ALIKE = 0.1  # and one camera may be on alone for this share of the longer span
+
+
+class Span(NamedTuple):
+    """First and last time of ``count`` frames or events."""
+
+    first_us: int
+    last_us: int
+    count: int
+
+    @property
+    def seconds(self) -> float:
+        return (self.last_us - self.first_us) * 1e-6
+
+    def __str__(self) -> str:
+        return f"{self.first_us * 1e-6:.3f} to {self.last_us * 1e-6:.3f} s"
+
+
+def spans(stream: Stream) -> tuple[Span | None, Span | None]:
+    """Those of a stream's events and of its frames, all of which are read as far as they are sound."""
+    events = ((int(e["t_us"][0]), int(e["t_us"][-1]), len(e)) for e in stream.chunks())
+    frames = ((int(t_us), int(t_us), 1) for t_us, _ in stream.timed_frames())
+    return _span(events), _span(frames)
+
+
+def _span(pieces: Iterable[tuple[int, int, int]]) -> Span | None:
+    span = None
+    with suppress(InputError):
+        for first_us, last_us, count in pieces:
+            span = Span(span.first_us if span else first_us, last_us, count + (span.count if span else 0))
+    return span
+
+
+def facts(events: Span | None, frames: Span | None) -> dict:
+    """Where events and frames lie in time and, of both, for how long they overlap and what speaks against one
+    clock."""
+    named = {"events_at_s": events, "frames_at_s": frames}
+    ends_s = {name: [span.first_us * 1e-6, span.last_us * 1e-6] for name, span in named.items() if span}
+    if len(ends_s) < 2:
+        return ends_s
+    text, _ = doubt(events, frames)
+    return ends_s | {"overlap_s": max(0.0, overlap_s(events, frames)), "clocks": text or "may be one"}
+
+
+def overlap_s(events: Span, frames: Span) -> float:
+    """For how long both cameras are on; less than zero where a gap lies between them."""
+    return (min(events.last_us, frames.last_us) - max(events.first_us, frames.first_us)) * 1e-6
+
+
+def doubt(events: Span | None, frames: Span | None) -> tuple[str, bool]:
+    """What speaks against one clock, or nothing, and whether frames and events are apart altogether.
+
+    Cameras that run together begin and end together.  Either may be switched on later, or off before; where
+    frames both begin and end later than events, or earlier, or where one camera is on alone for long, clocks
+    may differ.
+    """
+    if not events or not frames:
+        return "", False
+    both_s = overlap_s(events, frames)
+    slack_s = ALIKE_S + ALIKE_PERIODS * frames.seconds / max(frames.count - 1, 1)
+    late_s = [(frames[k] - events[k]) * 1e-6 for k in (0, 1)]
+    shifted = min(late_s) > slack_s or max(late_s) < -slack_s
+    longer_s = max(events.seconds, frames.seconds)
+    if not shifted and longer_s - both_s <= max(slack_s, ALIKE * longer_s):
+        return "", False
+    they = f"overlap for {both_s:.3f} s" if both_s > 0 else "do not overlap"
+    return f"frames lie at {frames}, events at {events}, and {they}", both_s < -slack_s
