@@ -109,6 +109,6 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
         return InputError(f"{path}: holds no frames; try --modality event")
     events, _ = spans(stream) if rate_hz else (None, None)
     if events and events.count >= count:
-        return InputError(f"{path}: lasts {events.seconds:.3g} s, and no time that --rate {rate_hz:g} asks for "
-                          f"is behind its first {count} events; give a higher one, or none")  # fmt: skip
+        text = f"lasts {events.seconds:.3g} s, and no tick of --rate {rate_hz:g} is behind its first {count} events"
+        return InputError(f"{path}: {text}; give a higher one, or none")
     return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

@@ -38,8 +38,8 @@ def windows_at(
     before their events those that came before, up to ``times`` as many in all.
 
     A tick without a new event since the one before has no window of its own and is passed over, so that a
-    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.  Another one says that
-    there are about as many images as events.
+    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.  Another one says
+    that there are about as many images as events.
     """
     check_count(count)
     check_number("rate_hz", rate_hz, LEAST_HZ, MOST_HZ)
@@ -53,8 +53,8 @@ def windows_at(
         images = np.count_nonzero(np.diff(np.floor((chunk["t_us"] - first_us) * (rate_hz / 1e6))))
         if not dense and images > max(len(chunk) / 2, 1000):
             dense = True
-            warnings.warn(f"{rate_hz:g} images a second are about as many as the events; each image shares nearly "
-                          "all of its events with the one before", stacklevel=2)  # fmt: skip
+            text = "are about as many as the events; each shares nearly all of its events with the one before"
+            warnings.warn(f"{rate_hz:g} images a second {text}", stacklevel=2)
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (window,) = windows_before(recent, [tick_us], count)
             if window is not None:

@@ -143,8 +143,8 @@ def _frames(path: Path, dialect: Dialect, topic: Topic) -> Iterator[tuple[int, n
 
 
 def _topic(bag, path: Path, dialect: Dialect, kind: str, unread: list[str]) -> Topic | None:
-    """The first topic of a kind that can be read, of depth only where there is no other; a warning names those
-    that are not taken.  ``unread`` takes the reasons where none can be read."""
+    """The first topic of a kind that can be read, of depth only where there is no other; a warning names the
+    others.  ``unread`` takes the reasons where none can be read."""
     names, readable, reasons = {c.topic for c in bag.connections if _kind(c.msgtype) == kind}, [], []
     for name in sorted(names):
         try:

@@ -49,7 +49,8 @@ def health(recording: Recording | Stream) -> dict:
     window = scaled_count((width, height))
     return {
         "events": events, "frames": len(frames_t_us), "width_px": width, "height_px": height,
-        "duration_s": duration_s, **clocks.facts(*both), "event_rate_hz": events / duration_s if duration_s else 0.0,
+        "duration_s": duration_s, **clocks.facts(*both),
+        "event_rate_hz": events / duration_s if duration_s else 0.0,
         "frame_rate_hz": _rate_hz(frames_t_us), "on_fraction": on / events if events else 0.0,
         "largest_gap_ms": float(largest_us) * 1e-3, "gaps_over_10_ms": int(gaps),
         "backward_steps": int(backward), "frames_backward": int(np.sum(np.diff(frames_t_us) < 0)),

@@ -110,7 +110,7 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def decode(content: bytes) -> np.ndarray:
-    """The image (H, W, 3) RGB of a file's bytes, u8 or u16; ValueError where they are none, or it is too large.
+    """The image (H, W, 3) RGB of a file's bytes, u8 or u16; ValueError where they are none, or too many.
 
     Its size is read before its pixels are: a megabyte can stand for gigapixels.
     """

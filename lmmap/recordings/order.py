@@ -1,7 +1,7 @@
 """Events in the order of time.
 
-Drivers now and then stamp a few events early or late, or hand packets over that overlap; those are left out or
-sorted, and counted.  A clock that was set back is an error.
+Drivers now and then stamp a few events early or late, or hand packets over that overlap; those are left out
+or sorted, and counted.  A clock that was set back is an error.
 """
 
 from __future__ import annotations
@@ -92,10 +92,8 @@ class _Mender:
         remedy = "the clock was set back, so cut the recording there"
         if len(steps) > 1:
             remedy = f"{len(steps)} such steps are too many, so write the events in the order of time"
-        return (
-            f"time of the events runs backward by {by_us} us after number {number}; {remedy} ('lmmap info' counts "
-            "such faults)"
-        )
+        text = f"time of the events runs backward by {by_us} us after number {number}"
+        return f"{text}; {remedy} ('lmmap info' counts such faults)"
 
     def tell(self) -> None:
         """A warning that counts what was sorted and left out."""

@@ -25,8 +25,8 @@ SAME_CLOCK_US = 1_000_000  # between a base and its header, both of ROS
 class Packets:
     """Events of packets in their order, at the times of their headers.
 
-    Times in a stream of the sensor are the sensor's, and bases may be: they are shifted so that the first packet
-    begins at its header's time.  Bases near it are ROS times.
+    Times in a stream of the sensor are the sensor's, and bases may be: they are shifted so that the first
+    packet begins at its header's time.  Bases near it are ROS times.
     """
 
     def __init__(self):

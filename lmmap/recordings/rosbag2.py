@@ -1,6 +1,6 @@
 """ROS 2 bags: folders with ``.db3`` or ``.mcap`` files, or one such file.
 
-Events are read from dvs_msgs/EventArray and from `packets`, images from sensor_msgs/Image and CompressedImage.
+Events are read from dvs_msgs/EventArray and `packets`, images from sensor_msgs/Image and CompressedImage.
 """
 
 from __future__ import annotations

@@ -160,8 +160,8 @@ def fuse(
     within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
-    without markers counts for nothing: no marker confirms it.  Ticks of a gap, ``settings.motion.lost_s`` after
-    the last estimate, are passed over: no image is left to say anything of.
+    without markers counts for nothing: no marker confirms it.  Ticks of a gap, ``settings.motion.lost_s``
+    after the last estimate, are passed over: no image is left to say anything of.
 
     Raises
     ------
