@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, MODALITIES, PAPER_WEIGHTS, SHELLS
+from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, FLIPS, MODALITIES, PAPER_WEIGHTS, SHELLS
 from .commands import Commands
 
 ESTIMATE = """examples:
@@ -89,6 +89,7 @@ def _draw(commands: Commands) -> None:
     commands.add_file(command, "--port", help="the estimate's own")
     command.add_argument("--rate", type=float, metavar="HZ", help="the estimate's own")
     command.add_argument("--events", type=int, metavar="N", help="the estimate's own")
+    _add_flip(command)
     text = "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun"
     commands.add_output(command, text, required=True)
     command.add_argument("--resume", action="store_true", help="go on with an interrupted video")
@@ -141,11 +142,17 @@ def _add_between(command, when: str) -> None:
     command.add_argument("--between", type=float, metavar="HZ", help=text)
 
 
+def _add_flip(command) -> None:
+    text = "mirror a camera's images along x or y, or turn them by 180 degrees: event:x, rgb:180; x for both"
+    command.add_argument("--flip", action="append", choices=FLIPS, metavar="[CAMERA:]FLIP", help=text)
+
+
 def _add_estimation(commands: Commands, command, required: bool, fused: bool = False) -> None:
     choices = (*MODALITIES, "fused") if fused else MODALITIES
     text = "which images to use" if required else "which images to use (default: all)"
     command.add_argument("--modality", choices=choices, required=required, help=text)
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
+    _add_flip(command)
     text = "estimates a second (default: every frame, every N events)"
     command.add_argument("--rate", type=float, metavar="HZ", help=text)
     text = "events in a histogram (default: 0.39 for each pixel)"

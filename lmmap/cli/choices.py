@@ -8,4 +8,5 @@ MODALITIES = ("rgb", "event")
 DOMAIN_GAPS = ("high", "low", "robust")
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
 TIME_UNITS = ("s", "ms", "us", "ns")
+FLIPS = tuple(camera + flip for camera in ("", "rgb:", "event:") for flip in ("x", "y", "180"))
 SHELLS = ("bash", "zsh", "tcsh")

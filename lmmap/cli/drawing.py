@@ -53,7 +53,7 @@ def _view(a, camera: Camera) -> Overlay | RerunLog:
     made_of = {
         "recording": recording_mark(a.recording), "poses": recording_mark(a.poses), "fps": a.fps,
         "modality": a.modality, "rate": a.rate, "events": a.events,
-        "camera": asdict(camera), "port": asdict(port), **as_read(a),
+        "camera": asdict(camera), "port": asdict(port), **as_read(a), **({"flip": a.flip} if a.flip else {}),
     }  # fmt: skip
     view = Overlay(a.output, port, camera, made_of, a.resume)
     if view.video.folder.exists() and not (a.resume or a.overwrite):

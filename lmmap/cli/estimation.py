@@ -13,7 +13,8 @@ from pathlib import Path
 
 from ..drawing.overlay import Overlay
 from ..drawing.rerun_log import RerunLog
-from ..estimation.estimates import estimate_images, merge_by_time
+from ..estimation.both import fused, in_accord
+from ..estimation.estimates import estimate_images
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
@@ -22,7 +23,6 @@ from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
-from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
 from .inputs import (
@@ -121,16 +121,18 @@ def _answers(a, stream: Stream, estimators: dict, journal: Journal, files: ExitS
         in_order = heapq.merge(*shots, key=lambda shot: shot.t_us)
         tracker = Tracker(*estimators.values(), events=bool(a.between))
         if a.between:
-            return track_between(in_order, tracker, stream.chunks(), a.between)
-        return track_images(in_order, tracker)
+            answers = track_between(in_order, tracker, stream.chunks(), a.between)
+        else:
+            answers = track_images(in_order, tracker)
+        return in_accord(answers, tracker.discord, a.recording)
     if a.modality != "fused":
         return _estimate_rest(stream, estimators[a.modality], a.rate, journal)
     parts = {}
     for m, estimator in estimators.items():
         part = files.enter_context(_journal(a, _part(a, m), "csv", m, {m: estimator}))
         parts[m] = _estimate_part(stream, estimator, a.rate, part)
-    fused = fuse(merge_by_time(parts), estimators["rgb"].port.yaw_period_rad, a.rate)
-    return ((None, e) for e in fused if not journal.has(e.t_us))
+    answers = fused(parts, estimators["rgb"].port.yaw_period_rad, a.rate, a.recording)
+    return ((None, e) for e in answers if not journal.has(e.t_us))
 
 
 def _estimate_rest(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[tuple]:
@@ -158,6 +160,7 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
         "format": a.format, "camera": asdict(first.camera), "port": asdict(first.port),
         "settings": asdict(first.settings), "weights": weights,
         **as_read(a), **({"track": True, "between": a.between} if a.track else {}),
+        **({"flip": a.flip} if a.flip else {}),
     }  # fmt: skip
     return Journal(path, form, a.resume, made_of)
 

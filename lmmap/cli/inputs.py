@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from ..camera_files import split_name
@@ -14,6 +15,7 @@ from ..recordings.formats import open_stream
 from ..recordings.pose_bags import STORES, PoseBag
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
+from ..settings import MODALITIES
 from ..tracking.fusion import LEAST_HZ
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
@@ -21,7 +23,9 @@ from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 
 def open_input(a, **options) -> Stream:
     """The recording of the command line."""
-    return open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
+    stream = open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
+    asked = [flip.rpartition(":") for flip in getattr(a, "flip", None) or ()]
+    return replace(stream, flips={m: flip for camera, _, flip in asked for m in MODALITIES if camera in ("", m)})
 
 
 def as_read(a) -> dict:

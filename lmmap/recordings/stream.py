@@ -7,15 +7,16 @@ chunk on its way: nothing behind it has to ask whether time runs forward or coor
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from pathlib import Path
 
 import numpy as np
 
 from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
+from .flips import flip_events, flip_frame
 from .limits import check_times
 from .order import in_order
 from .units import Guessed
@@ -60,19 +61,24 @@ class Stream:
     source: Source
     truth: Trajectory | None = None
     checked: bool = True  # False: values as they are, to count their faults
+    flips: Mapping[str, str] = field(default_factory=dict)  # of ``FLIPS``, by modality
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
         if not self.checked:
             return self._with_file_name(timely_events(self.source.events()))
-        return self._with_file_name(
-            checked_events(self.source.events(), self.camera.size_px, str(self.source.path))
-        )
+        chunks = checked_events(self.source.events(), self.camera.size_px, str(self.source.path))
+        if flip := self.flips.get("event"):
+            chunks = (flip_events(chunk, flip, self.camera.size_px) for chunk in chunks)
+        return self._with_file_name(chunks)
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
         frames = timely_frames(self.source.frames())
-        return self._with_file_name(checked_frames(frames, self.camera.size_px) if self.checked else frames)
+        frames = checked_frames(frames, self.camera.size_px) if self.checked else frames
+        if flip := self.flips.get("rgb"):
+            frames = ((t_us, flip_frame(frame, flip)) for t_us, frame in frames)
+        return self._with_file_name(frames)
 
     def _with_file_name(self, values: Iterator) -> Iterator:
         try:

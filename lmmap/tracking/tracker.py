@@ -17,6 +17,7 @@ from ..pipeline.estimator import Estimator
 from ..types import Estimate, Status, check_time
 from .between import Between
 from .crop import expected_ring
+from .discord import Discord
 from .motion_model import MotionState
 
 MOST_SUPPORT = 2  # images that a track is believed by: so many that do not show it there end it
@@ -48,6 +49,7 @@ class Tracker:
         self._track, self._support, self._has_events = Between(first.camera, first.port, between), 0, events
         self._last_us: dict[str, int] = {}  # of each camera's last image
         self._since_full = 0
+        self.discord = Discord(first.port.yaw_period_rad, self.settings)  # of two cameras
 
     def __call__(self, image: np.ndarray, t_us: int, wider: tuple[int, np.ndarray] | None = None) -> Estimate:
         """The pose at the time of an image, by it and by those before.
@@ -67,6 +69,7 @@ class Tracker:
             Status ``ok``: the image shows the port, and pose and covariance are of image and track together.
             ``predicted``: it does not show it where the track says, and both are of earlier images alone.
             Without a track the status is the image's.  ``confidence`` is always by the image alone.
+            ``unsure`` while two cameras contradict each other throughout (`discord`).
 
         Raises
         ------
@@ -117,7 +120,7 @@ class Tracker:
         """
         e = self._track.at(t_us)
         later = e.T_cam_port is not None and t_us > self._track.seen_us
-        return replace(e, status=Status.PREDICTED) if later else e
+        return self.discord.judged(replace(e, status=Status.PREDICTED) if later else e)
 
     def _keep_time(self, t_us: int, modality: str) -> None:
         check_time("t_us", t_us)
@@ -152,6 +155,7 @@ class Tracker:
 
     def _answer(self, e: Estimate, modality: str, fits: bool) -> Estimate:
         """What image and track say together, and the track after it."""
+        self.discord.add(modality, e)
         seen = e.T_cam_port is not None
         if fits:
             self._support = min(self._support + 1, MOST_SUPPORT)
@@ -167,4 +171,5 @@ class Tracker:
         if track.T_cam_port is None:
             return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.measured) if seen else e
         status = Status.OK if fits else Status.PREDICTED
-        return replace(e, status=status, T_cam_port=track.T_cam_port, covariance=track.covariance)
+        e = replace(e, status=status, T_cam_port=track.T_cam_port, covariance=track.covariance)
+        return self.discord.judged(e)

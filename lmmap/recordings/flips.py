@@ -1,0 +1,22 @@
+"""Images and events of sensors that are mounted mirrored or turned, as their calibration sees them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FLIPS = {"x": (-1, 1), "y": (1, -1), "180": (-1, -1)}  # what columns and rows are multiplied by
+
+
+def flip_frame(frame: np.ndarray, flip: str) -> np.ndarray:
+    """A frame (H, W, 3), mirrored along its rows (x), its columns (y), or both (180)."""
+    x, y = FLIPS[flip]
+    return np.ascontiguousarray(frame[::y, ::x])
+
+
+def flip_events(events: np.ndarray, flip: str, size_px: tuple[int, int]) -> np.ndarray:
+    """Events (M,) EVENT on a sensor of (width, height), mirrored alike."""
+    events = events.copy()
+    for name, sign, size in zip("xy", FLIPS[flip], size_px, strict=True):
+        if sign < 0:
+            events[name] = size - 1 - events[name]
+    return events

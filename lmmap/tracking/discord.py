@@ -1,0 +1,69 @@
+"""Whether the poses of two cameras agree, each by its own images.
+
+A sensor that is mirrored or turned, or whose clock is another one, gives poses that look right one by one, and
+that contradict those of the other camera throughout.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from ..geometry.rotations import equal_turns
+from ..settings import OURS, Settings
+from ..types import Estimate, Status
+from .gate import innovation, match
+from .motion_model import MotionState
+
+TOLD = 3  # pairs of poses that contradict each other, from which on it is said
+
+
+class Discord:
+    """Counts pairs of poses, one of each camera, that agree and that contradict each other.
+
+    A pair contradicts itself if it keeps no gate over the time between them, and is farther apart than a right
+    pose may be off.  One whose rival keeps it counts for nothing.
+    """
+
+    def __init__(self, yaw_period_rad: float, settings: Settings = OURS):
+        self.settings, self.agreed, self.contradicted = settings, 0, 0
+        self._turns = equal_turns(yaw_period_rad)
+        self._last: dict[str, Estimate] = {}
+
+    def add(self, camera: str, e: Estimate) -> None:
+        """Take an estimate by a camera's image alone."""
+        if e.T_cam_port is None:
+            return
+        for other, last in self._last.items():
+            if other != camera and abs(e.t_us - last.t_us) <= 1e6 * self.settings.motion.lost_s:
+                self._compare(*sorted((last, e), key=lambda e: e.t_us))
+        self._last[camera] = e
+
+    def _compare(self, before: Estimate, after: Estimate) -> None:
+        s = self.settings
+        state = MotionState.start(before.t_us, before.T_cam_port, before.covariance, s.motion)
+        close = match(state.predict(after.t_us), after, self._turns, s.motion.gate)
+        off = innovation(before.T_cam_port, after.T_cam_port, self._turns)
+        far = np.linalg.norm(off[:3]) > s.right_position_m or np.linalg.norm(off[3:]) > s.right_rotation_rad
+        self.agreed += close is not None and not close.is_rival
+        self.contradicted += close is None and far
+
+    @property
+    def is_throughout(self) -> bool:
+        """Whether far more pairs contradict themselves than agree: then no pose is to be believed."""
+        return self.contradicted > 2 * self.agreed
+
+    def judged(self, e: Estimate) -> Estimate:
+        """The estimate, ``unsure`` where there is discord throughout."""
+        if e.T_cam_port is None or not self.is_throughout:
+            return e
+        return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port)
+
+    def tell(self, name: str) -> None:
+        """A warning where there is discord throughout."""
+        if self.is_throughout and self.contradicted >= TOLD:
+            pairs = f"{self.contradicted} of {self.contradicted + self.agreed} pairs"
+            text = f"in {pairs} the two cameras' poses contradict each other, so none is ok"
+            warnings.warn(f"{name}: {text}; is one mirrored or turned (--flip), or on another clock?", stacklevel=2)
