@@ -24,8 +24,13 @@ from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
 def open_input(a, **options) -> Stream:
     """The recording of the command line."""
     stream = open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
+    return replace(stream, flips=flips_of(a))
+
+
+def flips_of(a) -> dict[str, str]:
+    """How each camera's images are flipped."""
     asked = [flip.rpartition(":") for flip in getattr(a, "flip", None) or ()]
-    return replace(stream, flips={m: flip for camera, _, flip in asked for m in MODALITIES if camera in ("", m)})
+    return {m: flip for camera, _, flip in asked for m in MODALITIES if camera in ("", m)}
 
 
 def as_read(a) -> dict:
@@ -113,6 +118,6 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
         return InputError(f"{path}: holds no frames; try --modality event")
     events, _ = spans(stream) if rate_hz else (None, None)
     if events and events.count >= count:
-        text = f"lasts {events.seconds:.3g} s, and no tick of --rate {rate_hz:g} is behind its first {count} events"
+        text = f"lasts {events.seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"
         return InputError(f"{path}: {text}; give a higher one, or none")
     return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

@@ -18,7 +18,7 @@ from ..recordings.journal import Journal
 from ..recordings.sensors import load_camera
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Pose
-from .inputs import check_between, input_files, make_estimator, no_images, open_input, pose_bag
+from .inputs import check_between, flips_of, input_files, make_estimator, no_images, open_input, pose_bag
 from .progress import add_colour, status_colour, summary
 
 
@@ -31,7 +31,7 @@ def live(a) -> None:
     stream = open_input(a) if a.recording else None
     if stream is None and not a.camera:
         raise InputError("live: no calibration; give the attached camera's with --camera")
-    device = devices.Played(stream) if stream else devices.Attached()
+    device = devices.Played(stream) if stream else devices.Attached(flips_of(a))
     camera = stream.camera if stream else load_camera(a.camera)
     if camera.size_px != device.size_px:
         width, height = device.size_px

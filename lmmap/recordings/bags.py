@@ -98,7 +98,7 @@ def read(path: Path, dialect: Dialect) -> Source:
     for text in unread:
         warnings.warn(f"{path}: left out {text}", stacklevel=4)
     event_chunks = partial(_events, path, dialect, events) if events else nothing
-    frames = eight_bit(path, partial(_frames, path, dialect, images), images.dtype) if images else nothing
+    frames = eight_bit(path, partial(_frames, path, dialect, images)) if images else nothing
     names = tuple(topic.name for topic in (events, images) if topic)
     cameras = partial(_cameras, path, dialect, all(re.search("_rect|rectified", name) for name in names))
     return Source(path, (events or images).size_px, event_chunks, frames, span_us, details, cameras, names)

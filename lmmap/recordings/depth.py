@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -14,17 +15,13 @@ BITS = (10, 12, 14, 16)
 LOOKED_AT = 16  # images of a recording, for the bits that its values use
 
 
-def eight_bit(path: Path, frames: Callable[[], Iterator], first: np.dtype) -> Callable[[], Iterator]:
-    """The same ``(t_us, image)`` with 8 bits a value; ``first`` is the first image's type.
+def eight_bit(path: Path, frames: Callable[[], Iterator]) -> Callable[[], Iterator]:
+    """The same ``(t_us, image)`` with 8 bits a value.
 
     All values of 16 bits are scaled alike, by the least of `BITS` that hold those of the first images and of
     the images so far.  A warning says which, unless they are all 16.
     """
-    bits = BITS[0]
-    if first != np.uint8:
-        bits = max(bits_of(image) for _, image in islice(frames(), LOOKED_AT))
-        _tell(path, bits)
-    return partial(_eight_bit, path, frames, bits)
+    return partial(_eight_bit, path, frames)
 
 
 def bits_of(image: np.ndarray) -> int:
@@ -39,14 +36,19 @@ def scaled(image: np.ndarray, bits: int | None = None) -> np.ndarray:
     return image if image.dtype == np.uint8 else (image >> (bits or bits_of(image)) - 8).astype(np.uint8)
 
 
-def _eight_bit(path: Path, frames: Callable[[], Iterator], bits: int) -> Iterator:
+def _eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
+    bits = 0
     for t_us, image in frames():
         if image.dtype != np.uint8 and bits_of(image) > bits:
-            bits = bits_of(image)
-            _tell(path, bits)
+            bits = max(bits_of(image), 0 if bits else _first_bits(frames))
+            if bits < BITS[-1]:
+                text = f"images of 16 bits, whose values take {bits} of them; scaled by these"
+                warnings.warn(f"{path}: {text}", stacklevel=2)
         yield t_us, scaled(image, bits)
 
 
-def _tell(path: Path, bits: int) -> None:
-    if bits < BITS[-1]:
-        warnings.warn(f"{path}: images of 16 bits whose values take {bits}; scaled by these", stacklevel=4)
+def _first_bits(frames: Callable[[], Iterator]) -> int:
+    bits = [BITS[0]]
+    with suppress(Exception):  # a fault is raised when its image comes
+        bits.extend(bits_of(image) for _, image in islice(frames(), LOOKED_AT))
+    return max(bits)

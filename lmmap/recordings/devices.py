@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import dv_processing as dv
 import numpy as np
 
 from ..types import EVENT, InputError
 from .aedat4 import rgb
+from .flips import flip_events, flip_frame
 from .stream import Stream
 
 LONGEST_GAP_S = 10.0  # of a recording that is played: a longer one is passed over
@@ -74,9 +75,9 @@ class Played:
 
 
 class Attached:
-    """The first camera that dv-processing finds."""
+    """The first camera that dv-processing finds, its images flipped as `flips.FLIPS` has it."""
 
-    def __init__(self):
+    def __init__(self, flips: Mapping[str, str] | None = None):
         if not dv.io.camera.discover():
             raise InputError("live: no camera found; attach one, or name a recording to play in real time")
         try:
@@ -85,7 +86,7 @@ class Attached:
             reason = (str(error).splitlines() or ["no reason given"])[0]
             raise InputError(f"live: cannot open the camera ({reason}); close other viewers") from None
         self.size_px = tuple(self._device.getEventResolution())
-        self._offset_us = None
+        self._offset_us, self._flips = None, flips or {}
 
     def now_us(self) -> int:
         """Now, in the camera's time; its clock is read off the first data."""
@@ -104,4 +105,6 @@ class Attached:
             newest_us = data[-1][0] if data else None
         if newest_us is not None and self._offset_us is None:
             self._offset_us = int(newest_us) - time.monotonic_ns() // 1000
-        return data
+        if (flip := self._flips.get(modality)) and modality == "event":
+            return [flip_events(e, flip, self.size_px) for e in data]
+        return [(t_us, flip_frame(frame, flip)) for t_us, frame in data] if flip else data

@@ -83,7 +83,10 @@ def format_name(path) -> str:
 
 
 def _kind(path: Path) -> str:
-    return "folder" if path.is_dir() else path.suffix.lower()
+    """How the name of a file ends, of a ROS 2 bag's folder as that of its files."""
+    if path.is_dir():
+        return ".db3" if (path / METADATA).exists() else "folder"
+    return path.suffix.lower()
 
 
 def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
@@ -105,8 +108,10 @@ def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
     name = "camera" if isinstance(camera, Camera) else camera
     camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera, size_px, source.topics)
     if size_px is not None and camera.size_px != size_px:
+        deg = source.details().get(images.TURNED)
+        turned = f", turned by {deg} degrees as its metadata ask" if deg else ""
         raise InputError(
-            f"{path}: recorded at {size_px[0]} x {size_px[1]} px, but {name} is for "
+            f"{path}: recorded at {size_px[0]} x {size_px[1]} px{turned}, but {name} is for "
             f"{camera.width_px} x {camera.height_px} px; give the calibration of this camera"
         )
     return camera
@@ -130,15 +135,10 @@ def _camera_inside(source: Source) -> Camera | None:
     return camera
 
 
-def _read_folder(path: Path) -> Source:
-    """A ROS 2 bag, or images and their times."""
-    return rosbag2.read(path) if (path / METADATA).exists() else images.read_folder(path)
-
-
 FORMATS = (  # what it is, how its name ends, its reader
     ("AEDAT4 of iniVation's DV", (".aedat4", ".aedat"), aedat4.read),
-    ("ROS 1 bag: dvs_msgs events, sensor_msgs images, raw or compressed", (".bag",), rosbag.read),
-    ("ROS 2 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".mcap", ".db3"), rosbag2.read),
+    ("ROS 1 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".bag",), rosbag.read),
+    ("ROS 2 bag, a folder or a file: the same", (".mcap", ".db3"), rosbag2.read),
     ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
     ("Prophesee DAT", (".dat",), prophesee.read_dat),
     ("HDF5 in the layouts of DSEC (ours too), M3ED, MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
@@ -146,8 +146,8 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("events as text, t x y p", (".txt",), tables.read_text),
     ("events as a table with named columns", (".csv",), tables.read_csv),
     ("events as a structured array of numpy", (".npy",), tables.read_npy),
-    ("images with timestamps.txt or images.txt, or a ROS 2 bag", ("folder",), _read_folder),
-    ("one picture", (".png", ".jpg", ".jpeg"), images.read_picture),
+    ("images with timestamps.txt or images.txt", ("folder",), images.read_folder),
+    ("one picture", images.IMAGE_SUFFIXES, images.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
 READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}

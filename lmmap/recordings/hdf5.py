@@ -13,6 +13,7 @@ import numpy as np
 from ..calibrations import stated_size
 from ..types import event_array
 from . import prophesee
+from .depth import eight_bit
 from .hdf5_datasets import blocks, open_dataset, open_text
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
@@ -43,7 +44,8 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
             cameras = _cameras(file, f"{group}/calib")
             size_px = _stated_size_px(file) or next(map(stated_size, cameras.values()), None)
             events = partial(_events, path, partial(_dsec, group=group, time_unit=time_unit))
-            frames, span_us = partial(_frames, path, "", "frames", "frames_t_us"), None
+            frames = eight_bit(path, partial(_frames, path, "", "frames", "frames_t_us"))
+            span_us = None
             if len(t):
                 ends = np.array([t[0], t[-1]])
                 span_us = tuple(offset_us + int(end_us) for end_us in microseconds(ends, time_unit))
@@ -70,7 +72,7 @@ def _chosen(path: Path, groups: list[str], wanted: str | None) -> str | None:
 def _read_mvsec(path: Path, file: h5py.File, group: str, time_unit: str | None) -> Source:
     name = f"{group}/image_raw"
     size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
-    frames = partial(_frames, path, f"{group}/", "image_raw", "image_raw_ts", time_unit)
+    frames = eight_bit(path, partial(_frames, path, f"{group}/", "image_raw", "image_raw_ts", time_unit))
     return Source(
         path, size_px, partial(_events, path, partial(_mvsec, group=group, time_unit=time_unit)), frames
     )
@@ -136,8 +138,8 @@ def _frames(
         if group + images not in file:
             return
         pixels, t = open_dataset(file, group + images, 3, 4), open_dataset(file, group + times, 1)
-        if pixels.dtype != np.uint8 or pixels.shape[3:] not in ((), (3,)):
-            raise ValueError(f"expected images of 8 bit, got {pixels.dtype} of shape {pixels.shape}")
+        if pixels.dtype not in (np.uint8, np.uint16) or pixels.shape[3:] not in ((), (3,)):
+            raise ValueError(f"expected images of 8 or 16 bit, got {pixels.dtype} of shape {pixels.shape}")
         if t.shape != pixels.shape[:1]:
             raise ValueError(f"{len(pixels)} images but times of shape {t.shape}")
         if not len(pixels):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -22,8 +22,11 @@ from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, reader
 from .tables import read_text
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".jpe", ".bmp", ".dib", ".tif", ".tiff", ".webp", ".jp2", ".avif",
+                  ".pbm", ".pgm", ".ppm", ".pnm", ".ras", ".sr")  # fmt: skip
 JPEG_END = b"\xff\xd9"
+TURNED = "turned_by_metadata_deg"  # what is known of a recording whose metadata turn its images
+EXIF_ORIENTATION, EXIF_DEG = 0x0112, {3: 180, 4: 180, 5: 90, 6: 90, 7: 270, 8: 270}
 TIME_LISTS = ("timestamps.txt", "images.txt")
 
 
@@ -69,7 +72,19 @@ def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
         yield from zip(t_us[1:], map(read_image, names[1:]), strict=True)
 
     span_us = min(t_us), max(t_us)
-    return Source(path, first.shape[1::-1], frames=eight_bit(path, frames, first.dtype), span_us=span_us)
+    details = partial(_turned, _exif_deg(names[0]))
+    return Source(path, first.shape[1::-1], frames=eight_bit(path, frames), span_us=span_us, details=details)
+
+
+def _turned(deg: int) -> dict:
+    return {TURNED: deg} if deg else {}
+
+
+def _exif_deg(path: Path) -> int:
+    """By how much a picture's metadata turn it."""
+    with suppress(Exception), Image.open(path) as picture:  # of a picture that was decoded before
+        return EXIF_DEG.get(picture.getexif().get(EXIF_ORIENTATION), 0)
+    return 0
 
 
 def pictures_in(folder: Path) -> list[Path]:
@@ -134,7 +149,11 @@ def decode(content: bytes) -> np.ndarray:
 def read_video(path: Path) -> Source:
     """Frames of a video at the times that the file states, from its start."""
     _, first = next(_video_frames(path))
-    return Source(path, first.shape[1::-1], frames=partial(_video_frames, path))
+    with _quiet():
+        deg = int(cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_ORIENTATION_META))
+    return Source(
+        path, first.shape[1::-1], frames=partial(_video_frames, path), details=partial(_turned, deg)
+    )
 
 
 def _video_frames(path: Path):

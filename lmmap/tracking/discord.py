@@ -1,7 +1,7 @@
 """Whether the poses of two cameras agree, each by its own images.
 
-A sensor that is mirrored or turned, or whose clock is another one, gives poses that look right one by one, and
-that contradict those of the other camera throughout.
+A sensor that is mirrored or turned, or whose clock is another one, gives poses that look right one by one,
+and that contradict those of the other camera throughout.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ TOLD = 3  # pairs of poses that contradict each other, from which on it is said
 class Discord:
     """Counts pairs of poses, one of each camera, that agree and that contradict each other.
 
-    A pair contradicts itself if it keeps no gate over the time between them, and is farther apart than a right
-    pose may be off.  One whose rival keeps it counts for nothing.
+    A pair contradicts itself if it keeps no gate over the time between them, and is farther apart than a
+    right pose may be off.  One whose rival keeps it counts for nothing.
     """
 
     def __init__(self, yaw_period_rad: float, settings: Settings = OURS):
@@ -65,5 +65,6 @@ class Discord:
         """A warning where there is discord throughout."""
         if self.is_throughout and self.contradicted >= TOLD:
             pairs = f"{self.contradicted} of {self.contradicted + self.agreed} pairs"
-            text = f"in {pairs} the two cameras' poses contradict each other, so none is ok"
-            warnings.warn(f"{name}: {text}; is one mirrored or turned (--flip), or on another clock?", stacklevel=2)
+            text = f"the two cameras' poses contradict each other in {pairs}, so none is ok"
+            question = "is one mirrored or turned (--flip), or on another clock?"
+            warnings.warn(f"{name}: {text}; {question}", stacklevel=2)
