@@ -22,6 +22,8 @@ def main(argv: list[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     # threads that wait for work without spinning leave the cores to others; read when torch is imported
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    # numba's coloured errors have an escape sequence printed at exit
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     tune_allocator()
     try:
         with warnings.catch_warnings():

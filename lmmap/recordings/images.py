@@ -72,19 +72,15 @@ def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
         yield from zip(t_us[1:], map(read_image, names[1:]), strict=True)
 
     span_us = min(t_us), max(t_us)
-    details = partial(_turned, _exif_deg(names[0]))
+    details = partial(_picture_details, names[0])
     return Source(path, first.shape[1::-1], frames=eight_bit(path, frames), span_us=span_us, details=details)
 
 
-def _turned(deg: int) -> dict:
-    return {TURNED: deg} if deg else {}
-
-
-def _exif_deg(path: Path) -> int:
-    """By how much a picture's metadata turn it."""
+def _picture_details(path: Path) -> dict:
     with suppress(Exception), Image.open(path) as picture:  # of a picture that was decoded before
-        return EXIF_DEG.get(picture.getexif().get(EXIF_ORIENTATION), 0)
-    return 0
+        if deg := EXIF_DEG.get(picture.getexif().get(EXIF_ORIENTATION)):
+            return {TURNED: deg}
+    return {}
 
 
 def pictures_in(folder: Path) -> list[Path]:
@@ -149,11 +145,14 @@ def decode(content: bytes) -> np.ndarray:
 def read_video(path: Path) -> Source:
     """Frames of a video at the times that the file states, from its start."""
     _, first = next(_video_frames(path))
+    frames, details = partial(_video_frames, path), partial(_video_details, path)
+    return Source(path, first.shape[1::-1], frames=frames, details=details)
+
+
+def _video_details(path: Path) -> dict:
     with _quiet():
-        deg = int(cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_ORIENTATION_META))
-    return Source(
-        path, first.shape[1::-1], frames=partial(_video_frames, path), details=partial(_turned, deg)
-    )
+        deg = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_ORIENTATION_META)
+    return {TURNED: int(deg)} if deg else {}
 
 
 def _video_frames(path: Path):

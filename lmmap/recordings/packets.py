@@ -49,6 +49,7 @@ class Packets:
                 events = self._libcaer.events(words)
             elif name == "libcaer":
                 events = evt.libcaer(words)
+                start_us = base_us + int(events["t_us"][0]) if len(events) else None
             else:
                 events, base_us = evt.mono(words, message.time_base), 0
         else:

@@ -25,8 +25,11 @@ HEADER = (
 
 def pictures(a) -> None:
     """Draw what each set of filters finds in each picture, and print a line for each."""
-    if not a.output.is_dir():
-        raise InputError(f"{a.output}: not a folder; make it first")
+    try:
+        a.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        text = f"cannot make this folder ({error.strerror}); give another name"
+        raise InputError(f"{a.output}: {text}") from None
     modalities = [a.modality] if a.modality else MODALITIES
     networks = {m: {gap: load_networks(gap, m) for gap in DOMAIN_GAPS} for m in modalities}
     port = Port.load(a.port) if a.port else Port.lm_map()
