@@ -71,12 +71,13 @@ def doubt(events: Span | None, frames: Span | None) -> tuple[str, bool]:
     """
     if not events or not frames:
         return "", False
-    both_s = overlap_s(events, frames)
+    both_s, longer_s = overlap_s(events, frames), max(events.seconds, frames.seconds)
     slack_s = ALIKE_S + ALIKE_PERIODS * frames.seconds / max(frames.count - 1, 1)
     late_s = [(frames[k] - events[k]) * 1e-6 for k in (0, 1)]
     shifted = min(late_s) > slack_s or max(late_s) < -slack_s
-    longer_s = max(events.seconds, frames.seconds)
-    if not shifted and longer_s - both_s <= max(slack_s, ALIKE * longer_s):
+    alone = longer_s - both_s > max(slack_s, ALIKE * longer_s)
+    apart = both_s < -slack_s
+    if not apart and (frames.count == 1 or not (shifted or alone)):
         return "", False
     they = f"overlap for {both_s:.3f} s" if both_s > 0 else "do not overlap"
-    return f"frames lie at {frames}, events at {events}, and {they}", both_s < -slack_s
+    return f"frames lie at {frames}, events at {events}, and {they}", apart

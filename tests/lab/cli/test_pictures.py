@@ -10,12 +10,12 @@ from lmmap.shipped import DATA
 
 def test_a_folder_of_pictures_is_drawn_and_told(tmp_path, capsys):
     frame = open_recording(DATA / "mini" / "test-low.aedat4").frames[0]
-    photos, drawn = tmp_path / "photos", tmp_path / "drawn"
+    photos, drawn = tmp_path / "photos", tmp_path / "new" / "drawn"
     photos.mkdir()
     Image.fromarray(frame[70:190, 100:240]).save(photos / "port.png")
     command = ["pictures", str(photos), "-o", str(drawn), "--modality", "rgb"]
-    assert main(command) == 1 and "make it first" in capsys.readouterr().err
-    drawn.mkdir()
+    in_the_way = [*command[:3], str(photos / "port.png"), *command[4:]]
+    assert main(in_the_way) == 1 and "cannot make this folder" in capsys.readouterr().err
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 4 and [line.split()[2] for line in lines[1:]] == ["high", "low", "robust"]

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from lmmap.cli import main
 from lmmap.drawing import overlay
 from lmmap.recordings.formats import READERS
+from lmmap.recordings.images import IMAGE_SUFFIXES
 
 DRAWN, R = drawn.file(9), drawn.recording(9)
 RATE_HZ = "2.7"  # one histogram, of events about number 250 000, where one chunk ends and the next begins
@@ -111,15 +112,7 @@ EVENTS = {
 }  # fmt: skip
 FRAMES = {name: EVENTS[name] for name in ("e.aedat4", "e.bag", "e.h5", "e.mcap", "e.db3", "bag2")}
 FRAMES["pictures"] = folder
-LOSSY = {
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".mp4",
-    ".avi",
-    ".mkv",
-    ".mov",
-}  # one image, or changed ones: tested elsewhere
+LOSSY = {*IMAGE_SUFFIXES, ".mp4", ".avi", ".mkv", ".mov"}  # one image, or changed ones: tested elsewhere
 
 
 def test_every_format_is_here():

@@ -1,3 +1,4 @@
+import warnings
 from itertools import groupby
 
 import numpy as np
@@ -127,3 +128,19 @@ def test_a_gap_is_passed_over_in_one_step_and_named(gap_us):
     with pytest.warns(UserWarning, match="no events for"):
         windows = list(windows_at([e], 100.0, 10))
     assert 170 < len(windows) <= 190  # a window a tick on both sides, and none between
+
+
+@pytest.mark.parametrize("rate_hz, said", [(999.0, True), (5000.0, True), (50.0, False)])
+def test_more_images_than_events_are_said_before_they_are_made(rate_hz, said):
+    e = np.zeros(3000, EVENT)
+    e["t_us"] = 3333 * np.arange(3000)
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        next(windows_at([e], rate_hz, 10))
+    assert ["about as many as the events" in str(note.message) for note in notes] == [True] * said
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, 1e-310, 1e-300, np.nan, np.inf])
+def test_rates_that_are_none(rate_hz):
+    with pytest.raises(ValueError, match="rate_hz: expected"):
+        next(windows_at([np.zeros(30, EVENT)], rate_hz, 10))

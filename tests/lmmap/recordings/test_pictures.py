@@ -1,13 +1,18 @@
 """Laws of pictures as recordings, and of sensors by name."""
 
+import struct
+import warnings
+
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from lmmap.cli import main
 from lmmap.recordings import sensors
+from lmmap.recordings.depth import LOOKED_AT
 from lmmap.recordings.formats import open_recording, open_stream
-from lmmap.recordings.images import decode
+from lmmap.recordings.images import IMAGE_SUFFIXES, decode
 from lmmap.types import Camera, InputError
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -111,3 +116,82 @@ def test_images_come_as_rgb(suffix, shape):
     content = cv2.imencode(suffix, image)[1]
     expected = cv2.cvtColor(cv2.imdecode(content, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
     np.testing.assert_array_equal(decode(content.tobytes()), expected)
+
+
+@pytest.mark.parametrize("name", ["frame_{}", "{}", "left {} of 200", "1468941032.{}", "cam2-{:04d}"])
+@pytest.mark.parametrize("timed", [False, True])
+def test_pictures_come_in_the_order_of_their_numbers(tmp_path, name, timed):
+    numbers = [0, 1, 2, 3, 10, 11, 20, 100] if "." not in name else [0, 1, 15, 2, 25, 9]  # as decimals
+    for number in numbers:
+        cv2.imwrite(str(tmp_path / f"{name.format(number)}.png"), np.full((48, 64, 3), number, np.uint8))
+    if timed:
+        times = "".join(f"{k / 30:.6f}\n" for k in range(len(numbers)))
+        (tmp_path / "timestamps.txt").write_text(times)
+    frames = open_recording(tmp_path, CAMERA, fps=None if timed else 30).frames
+    assert frames[:, 0, 0, 0].tolist() == numbers
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".pgm"])
+def test_pictures_of_16_bits_are_scaled_alike_by_the_bits_in_use(tmp_path, suffix, bits):
+    """The dark one, too, which comes first."""
+    bright = np.random.default_rng(0).integers(0, 1 << bits, (48, 64), np.uint16)
+    bright[0, 0] = (1 << bits) - 1
+    images = [bright // 8, bright]
+    for k, deep in enumerate(images):
+        cv2.imwrite(str(tmp_path / f"{k}{suffix}"), deep)
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        back = open_recording(tmp_path, CAMERA, fps=30).frames[..., 0]
+    np.testing.assert_array_equal(back, [deep >> bits - 8 for deep in images])
+    assert [f"take {bits} of them" in str(note.message) for note in notes] == ([True] if bits < 16 else [])
+
+
+def test_bits_that_come_late_change_no_frame_before_them(tmp_path):
+    """Behind those that are looked at first; and every pass has the same frames."""
+    deep = [np.full((48, 64), 1000 if k < LOOKED_AT + 4 else 4000, np.uint16) for k in range(LOOKED_AT + 6)]
+    for k, image in enumerate(deep):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    stream = open_stream(tmp_path, CAMERA, fps=30)
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="take 1"):
+            values = [int(frame[0, 0, 0]) for _, frame in stream.timed_frames()]
+        assert values == [250] * (LOOKED_AT + 4) + [250, 250]
+
+
+@pytest.mark.parametrize("suffix", sorted({*IMAGE_SUFFIXES} - {".pbm"}))  # which has no grey
+def test_other_pictures_alone(tmp_path, suffix):
+    smooth = np.ascontiguousarray(np.broadcast_to(np.arange(64, dtype=np.uint8)[:, None] * 3, (48, 64, 3)))
+    cv2.imwrite(str(tmp_path / f"p{suffix}"), smooth[..., 0] if suffix == ".pgm" else smooth)
+    np.testing.assert_allclose(open_recording(tmp_path / f"p{suffix}", CAMERA).frames[0], smooth, atol=6)
+
+
+def turned_video(path):
+    """A video of 64 x 48 px whose header turns it, by another matrix of its track."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 20, (64, 48))
+    for k in range(3):
+        writer.write(some_picture(k))
+    writer.release()
+    straight, turned = (struct.pack(">9i", *values, 1 << 30) for values in (
+        (65536, 0, 0, 0, 65536, 0, 0, 0), (0, 65536, 0, -65536, 0, 0, 48 << 16, 0)))  # fmt: skip
+    content = path.read_bytes()
+    at = content.index(straight, content.index(b"tkhd"))
+    path.write_bytes(content[:at] + turned + content[at + len(turned) :])
+
+
+def turned_picture(path):
+    picture = Image.fromarray(some_picture())
+    exif = picture.getexif()
+    exif[0x0112] = 6
+    picture.save(path, exif=exif)
+
+
+@pytest.mark.parametrize("name, write", [("v.mp4", turned_video), ("p.jpg", turned_picture)])
+def test_metadata_that_turn_an_image_are_named(tmp_path, name, write):
+    """A calibration of the image as it is shown fits without a word."""
+    write(tmp_path / name)
+    text = "recorded at 48 x 64 px, turned by 90 degrees as its metadata ask, but"
+    with pytest.raises(InputError, match=text):
+        open_recording(tmp_path / name, CAMERA)
+    upright = Camera(48, 64, 60.0, 60.0, 23.5, 31.5)
+    assert open_recording(tmp_path / name, upright).frames[0].shape == (64, 48, 3)
