@@ -109,7 +109,8 @@ def export_command(a) -> None:
     for source in filter(None, (a.recording, a.camera)):
         if Path(source).resolve().is_relative_to(a.folder.resolve()):
             raise InputError(f"{a.folder}: holds {source}, which is read; give another folder")
-    recording = open_recording(a.recording, a.camera, fps=a.fps)
+    how = {"fps": a.fps, "time_unit": a.time_unit, "stream": a.stream}
+    recording = open_recording(a.recording, a.camera, **how)
     counts = export(recording, a.folder)
     events = len(recording.events)
     print(f"{a.folder}: {counts['rgb']} frames, {counts['event']} event frames, a bag with {events} events")
