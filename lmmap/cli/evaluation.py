@@ -95,10 +95,10 @@ def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, p
     if not tables:
         remedy = "try the other" if a.modality else "give a truth of the recording's own times"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
-    for m, table in tables.items():
-        if m in MODALITIES and (left := len(estimates[m]) - len(table)):
-            text = f"{a.recording}: {left} of {len(estimates[m])} {m} images have no truth, and do not count"
-            warnings.warn(text, stacklevel=2)
+    left = {m: len(estimates[m]) - len(tables[m]) for m in MODALITIES if m in tables}
+    if any(left.values()):
+        counts = " and ".join(f"{n} of {len(estimates[m])} {m} images" for m, n in left.items() if n)
+        warnings.warn(f"{a.recording}: {counts} have no truth, and do not count", stacklevel=2)
     seen = max(tables, key=lambda m: tables[m].position_error_m.count())
     if form := truth_form.other(estimates[seen], stream.truth, port.yaw_period_rad):
         warnings.warn(f"{a.truth or a.recording}: {form}", stacklevel=2)

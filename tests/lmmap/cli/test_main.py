@@ -32,6 +32,7 @@ from lmmap.recordings import devices
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
+from lmmap.recordings.units import UNITS
 from lmmap.settings import OURS
 from lmmap.shipped import ROOT
 from lmmap.types import Camera, Estimate, Status
@@ -382,6 +383,7 @@ def test_threads_that_wait_leave_the_cores_to_others():
 def test_choices_are_those_of_the_modules_that_own_them():
     assert choices.MODALITIES == settings.MODALITIES == tuple(CHANNELS)
     assert tuple(DOMAIN_GAPS) == choices.DOMAIN_GAPS and OURS.weights == choices.DEFAULT_WEIGHTS
+    assert choices.TIME_UNITS == UNITS
     assert set(choices.SHELLS) <= set(shtab.SUPPORTED_SHELLS)
 
 
