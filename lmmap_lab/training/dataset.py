@@ -131,6 +131,8 @@ def make_recording_samples(stream: Stream, label: str, folder: Path, port: Port,
     """
     length_us, truth_us = int(SEQUENCE_SECONDS * 1e6), stream.truth.t_us
     starts_us = np.arange(truth_us[0], truth_us[-1] - length_us, EXCERPT_EVERY_S * 1e6).astype(np.int64)
+    known = stream.truth.covers(starts_us[:, None] + np.linspace(0, length_us, 100))  # closer than any gap
+    starts_us = starts_us[known.all(1)]
     names = [f"{label}-{k:04d}" for k in range(len(starts_us))]
     absent = [(name, t) for name, t in zip(names, starts_us, strict=True) if not (folder / name).is_dir()]
     pieces = excerpts(stream, [t for _, t in absent], length_us)
