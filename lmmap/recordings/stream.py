@@ -191,8 +191,12 @@ def checked_events(
     chunks: Iterable[np.ndarray], size_px: tuple[int, int], name: str | None = None
 ) -> Iterator[np.ndarray]:
     """Pass chunks on, `in_order`; ValueError, with a remedy, where a pixel is not the sensor's."""
+    return in_order(_on_sensor(chunks, size_px), name)
+
+
+def _on_sensor(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
     before = 0
-    for e in in_order(chunks, name):
+    for e in chunks:
         if len(outside := np.flatnonzero(~on_sensor(e, size_px))):
             k = outside[0]
             raise ValueError(
