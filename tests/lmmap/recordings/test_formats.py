@@ -240,6 +240,7 @@ def broken(**columns) -> Recording:
         (dict(y=(7, -1)), "outside 64 x 48 px"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*no sensor has")
 def test_backward_time_and_foreign_pixels(tmp_path, fault, words):
     bad = broken(**fault)
     write_recording(bad, tmp_path / "r.h5")
