@@ -48,7 +48,7 @@ class Discord:
         off = innovation(before.T_cam_port, after.T_cam_port, self._turns)
         far = np.linalg.norm(off[:3]) > s.right_position_m or np.linalg.norm(off[3:]) > s.right_rotation_rad
         self.agreed += close is not None and not close.is_rival
-        self.contradicted += close is None and far
+        self.contradicted += close is None and bool(far)
 
     @property
     def is_throughout(self) -> bool:

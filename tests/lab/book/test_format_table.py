@@ -9,6 +9,7 @@ import contextlib
 import io
 import tempfile
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,7 @@ import pandas as pd
 import pytest
 import test_calibrated as within
 import test_every_format as every
+from test_two_cameras import rpg
 
 from lmmap.cli import main
 from lmmap.recordings.formats import FORMATS, open_recording, open_stream
@@ -51,6 +53,7 @@ FILES = {  # a file of each of FORMATS, in their order, and what it is estimated
 }  # fmt: skip
 
 
+OF_BOTH = {"e.hdf5": ("e.h5", every.library), "pictures": ("pictures", rpg)}  # with frames and events
 INFO = [("/dvs/camera_info", within.FISHEYE, {})]
 CALIBRATED = {  # a file of a format that can hold its calibration
     "e.bag": lambda path: within.bag1(path, INFO), "bag": lambda path: within.bag2(path, INFO),
@@ -94,6 +97,18 @@ def spoil(path: Path) -> None:
     path.write_bytes(bytes(64) + content[64 : len(content) // 2])
 
 
+def clocks(name: str, place: Path, camera: Path) -> str:
+    """Whether the clocks of both cameras are compared: frames an hour late must not be fused."""
+    r, (ending, write) = drawn.recording(3), OF_BOTH.get(name, (name, FILES[name][0]))
+    path = place / f"late-{ending}"
+    write(path, replace(r, frames_t_us=r.frames_t_us + 3_600_000_000))
+    read = open_recording(path, camera)
+    if not (len(read.events) and len(read.frames)):
+        return "of one camera"
+    code, err = works("estimate", path, "--camera", camera, "--modality", "fused", "-o", place / "late.csv")
+    return "compared" if code == 1 and "do not overlap, so their clocks differ" in err else "no"
+
+
 def tried(name: str, place: Path) -> dict[str, str]:
     """What each command does with a file."""
     write, modality = FILES[name]
@@ -117,7 +132,8 @@ def tried(name: str, place: Path) -> dict[str, str]:
     code, err = works("estimate", *used, "--modality", modality, "-o", place / "p.csv")
     lines = [line for line in err.splitlines() if line.startswith("lmmap: ") and path.name in line]
     done["bad input is one line"] = code == 1 and len(lines) == 1
-    return {"name": name, "images": modality} | {k: MEANS.get(v, v) for k, v in done.items()}
+    facts = {k: MEANS.get(v, v) for k, v in done.items()} | {"clocks": clocks(name, place, camera)}
+    return {"name": name, "images": modality} | facts
 
 
 def row(k: int, place: Path) -> dict[str, str]:

@@ -3,6 +3,8 @@
 import argparse
 import importlib
 import json
+import os
+import pty
 import re
 import subprocess
 import sys
@@ -76,3 +78,15 @@ def test_only_the_paper_profile_is_packed(capsys):
         assert main.main(["reproduce", "--go-on", *asked]) == 1
         out, err = capsys.readouterr()
         assert out == "" and re.fullmatch("lmmap: --go-on: .+; .+\n", err)
+
+
+def test_a_terminal_is_left_as_it_was(tmp_path):
+    """What compiles behind the bench sends no colours there when the process ends."""
+    main, terminal = pty.openpty()
+    command = [sys.executable, "-m", "lmmap", "simulate", "--sequence", "test-low", "--seconds", "0.05"]
+    with open(terminal, "wb", closefd=True) as out:
+        argv = [*command, "-o", str(tmp_path / "s.aedat4")]
+        subprocess.run(argv, stdout=out, stderr=out, check=True)
+    shown = os.read(main, 4096)
+    os.close(main)
+    assert b"events" in shown and b"\x1b" not in shown
