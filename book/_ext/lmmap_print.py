@@ -26,7 +26,9 @@ from lmmap_lab.provenance import ROOT
 HTML, PDF = ROOT / "_build" / "html", ROOT / "_build" / "pdf"
 TITLE = "Docking by ring and events"
 ABOUT = ("Printed from the book's web pages. Sliders and the video stand here as stills, and the reference "
-         "of the package's modules is in the pages only.")  # fmt: skip
+         "of the package's modules, the model cards and what to call on other hardware are in the pages "
+         "only.")  # fmt: skip
+ON_SCREEN = ("book/models", "book/on-your-own-hardware")
 STYLE = Path(__file__).with_name("lmmap_print.css")
 LEFT_OUT = "script:not(.ring-lab + script), style, .headerlink, .copybtn, .steps > label"
 LINES = 25  # of a table that was folded; a longer one is left to the pages
@@ -40,7 +42,10 @@ def parts() -> list[tuple[str, list[str]]]:
     """The book's parts that are printed: a caption, and names of pages such as ``book/port``."""
     toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
     printed = [part for part in toc["parts"] if not part["caption"].startswith("Modules")]
-    return [("", [toc["root"]]), *((p["caption"], [c["file"] for c in p["chapters"]]) for p in printed)]
+    files = [
+        (p["caption"], [c["file"] for c in p["chapters"] if c["file"] not in ON_SCREEN]) for p in printed
+    ]
+    return [("", [toc["root"]]), *files]
 
 
 def label(page: str, place: str = "") -> str:
