@@ -8,20 +8,15 @@ from torch.nn import functional as F
 
 from lmmap.geometry.conic_fit import sampson_distance
 from lmmap.geometry.conics import conic_matrix, ellipse_from_conic, monomials
-from lmmap.pipeline.network import CHANNELS, STRIDE_PX, FilterNet, encode
-from lmmap.pipeline.weights import FILTERS, load_weights, weight_path
+from lmmap.pipeline.network import STRIDE_PX, FilterNet, encode
+from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
 from lmmap.settings import OURS, Settings
 from lmmap.types import Ellipse
 
 
 def nets(modality: str) -> list[FilterNet]:
     """Both filters' networks, in PyTorch's default layout."""
-    filters = []
-    for name in FILTERS:
-        net = FilterNet(CHANNELS[modality])
-        net.load_state_dict(load_weights(weight_path(name, modality), modality))
-        filters.append(net.eval())
-    return filters
+    return [load_filter(weight_path(name, modality), modality).eval() for name in FILTERS]
 
 
 @torch.inference_mode()

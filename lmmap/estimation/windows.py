@@ -13,6 +13,7 @@ from ..tracking.fusion import LEAST_HZ, MOST_HZ
 from ..types import EVENT, check_number, concatenate_events
 
 LONG_GAP_S = 10.0  # without an event: longer, and it is named
+FEW = 1000  # images of a chunk: so many are never too many
 
 
 def windows_of(
@@ -50,8 +51,7 @@ def windows_at(
         first_us = int(chunk["t_us"][0]) if first_us is None else first_us
         recent = concatenate_events([recent, chunk])
         last_us = recent["t_us"][-1]
-        images = np.count_nonzero(np.diff(np.floor((chunk["t_us"] - first_us) * (rate_hz / 1e6))))
-        if not dense and images > max(len(chunk) / 2, 1000):
+        if not dense and _images(chunk["t_us"] - first_us, rate_hz) > max(len(chunk) / 2, FEW):
             dense = True
             text = "are about as many as the events; each shares nearly all of its events with the one before"
             warnings.warn(f"{rate_hz:g} images a second {text}", stacklevel=2)
@@ -68,6 +68,15 @@ def windows_at(
                               "going on behind the gap", stacklevel=2)  # fmt: skip
         # a coming tick is no earlier than the last event
         recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - times * count) :]
+
+
+def _images(after_us: np.ndarray, rate_hz: float) -> int:
+    """How many ticks, counted from 0 us, have an event of their own among events (M,) in order; of at most
+    `FEW` only a bound."""
+    per_us = rate_hz / 1e6
+    if (bound := int((after_us[-1] - after_us[0]) * per_us) + 1) <= FEW:
+        return bound
+    return np.count_nonzero(np.diff(np.floor(after_us * per_us)))
 
 
 def _first_tick_after(elapsed_us: int, tick: int, rate_hz: float) -> int:

@@ -13,9 +13,8 @@ def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list
     """The estimates whose time the truth covers, and the true poses then."""
     times_us = np.array([e.t_us for e in estimates], np.int64)
     covered = recording.truth.covers(times_us)
-    return [e for e, known in zip(estimates, covered, strict=True) if known], recording.truth.at(
-        times_us[covered]
-    )
+    known = [e for e, inside in zip(estimates, covered, strict=True) if inside]
+    return known, recording.truth.at(times_us[covered])
 
 
 def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:

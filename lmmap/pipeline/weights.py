@@ -85,11 +85,16 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
     return tensors
 
 
-def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
-    """A filter from its weight file; errors as `load_weights`."""
+def load_filter(path, modality: str) -> FilterNet:
+    """The network of a weight file; errors as `load_weights`."""
     net = FilterNet(CHANNELS[modality])
     net.load_state_dict(load_weights(path, modality))
-    return MaskNetwork(net, modality, precision)
+    return net
+
+
+def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
+    """A filter from its weight file; errors as `load_weights`."""
+    return MaskNetwork(load_filter(path, modality), modality, precision)
 
 
 def network_paths(weights: str | Path, modality: str) -> list[Path]:

@@ -9,10 +9,8 @@ from typing import NamedTuple
 from ..types import InputError
 from .stream import Stream
 
-ALIKE_S, ALIKE_PERIODS = (
-    0.25,
-    1.5,
-)  # two cameras begin, and end, so far apart: seconds and periods of the frames
+# two cameras begin, and end, so far apart: seconds and periods of the frames
+ALIKE_S, ALIKE_PERIODS = 0.25, 1.5
 ALIKE = 0.1  # and one camera may be on alone for this share of the longer span
 
 

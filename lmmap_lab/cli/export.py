@@ -8,8 +8,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from lmmap.files import atomic, check_folder_of
-from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX, FilterNet
-from lmmap.pipeline.weights import FILTERS, load_weights, network_paths
+from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX
+from lmmap.pipeline.weights import FILTERS, load_filter, network_paths
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
 
@@ -58,9 +58,7 @@ def _models(weights: str):
         for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
             facts = {"mask_threshold": OURS.mask_threshold, "trained_focal_px": OURS.trained_focal_px,
                      "weights": Path(weights).name}  # fmt: skip
-            net = FilterNet(CHANNELS[modality])
-            net.load_state_dict(load_weights(path, modality))
-            model = filter_model(net, name, modality, facts)
+            model = filter_model(load_filter(path, modality), name, modality, facts)
             told = {p.key: p.value for p in model.metadata_props}
             yield f"{name}-{modality}.onnx", (model.SerializeToString(deterministic=True), told)
 
