@@ -24,6 +24,8 @@ CENTRE_PX = (float, -1e6, 1e6)  # beyond the image, as in a crop
 COEFFICIENT = (float, -1e3, 1e3)  # of a distortion; calibrations of wide lenses reach some tens
 LENGTH_M = (float, 1e-6, 1e3)  # from a micrometre to a kilometre
 OFFSET_M = (float, -1e3, 1e3)
+WINDOW_M = (float, 0.0, 1e3)  # zero: none
+TOLERANCE = (float, 1e-4, 0.5)  # of a length: from a hair's breadth to half of it
 CAMERA = {
     "width_px": SIZE_PX, "height_px": SIZE_PX, "fx_px": FOCAL_PX, "fy_px": FOCAL_PX,
     "cx_px": CENTRE_PX, "cy_px": CENTRE_PX, "distortion": (COEFFICIENT, (0, 4, 5)),
@@ -34,6 +36,9 @@ PORT = {
                      "marker_radius_m", "stem_radius_m"), LENGTH_M),
     **dict.fromkeys(("plate_height_m", "petal_rise_m", "petal_lean_m", "panel_depth_m"), OFFSET_M),
     **dict.fromkeys(("marker_size_m", "petal_widths_m", "panel_size_m"), (LENGTH_M, (2,))),
+    "window_radius_m": WINDOW_M, "window_size_m": (WINDOW_M, (2,)),
+    **dict.fromkeys(("plate_height_tolerance", "marker_radius_tolerance",
+                     "marker_size_tolerance", "ring_width_tolerance"), TOLERANCE),
     "symmetry": (int, 1, 360),  # markers a turn; at a degree each they are one ring
 }  # fmt: skip
 

@@ -69,7 +69,7 @@ class Rig:
 def scale_port(port: Port, ring_radius_m: float) -> Port:
     """The same port with a ring of another size."""
     s = ring_radius_m / port.ring_radius_m
-    values = {n: v for n, v in vars(port).items() if n != "symmetry"}
+    values = {n: v for n, v in vars(port).items() if n.endswith("_m")}
     return replace(port, **{n: tuple(s * x for x in v) if isinstance(v, tuple) else s * v
                             for n, v in values.items()})  # fmt: skip
 

@@ -8,11 +8,26 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .. import camera_files
+from .checks import check_number
+
+TOLERANCES = (
+    "plate_height_tolerance",
+    "marker_radius_tolerance",
+    "marker_size_tolerance",
+    "ring_width_tolerance",
+)
+ROUNDING_M = 1e-9  # by which parts that touch may seem to overlap
 
 
 @dataclass(frozen=True)
 class Port:
-    """Geometry of a docking port: the ring, the raised plate with its markers, and the panel."""
+    """Geometry of a docking port: the ring, the raised plate with its markers and windows, and the panel.
+
+    Tolerances are relative standard deviations: by how much a mock-up that was built may differ from these
+    dimensions.  The defaults follow from the port in the paper's own overlays.  Two images of the mock-up ask
+    for plates of 0.30 and 0.36 of the ring's outer radius where the overlays' model has 0.40; all else moved
+    by less than 2 % over the lenses that the overlays allow, the ring's inner edge among it.
+    """
 
     ring_radius_m: float
     ring_inner_radius_m: float
@@ -28,12 +43,36 @@ class Port:
     panel_depth_m: float
     panel_size_m: tuple[float, float]
     symmetry: int = 3
+    window_radius_m: float = 0.0  # of their centres, which lie half way between the markers
+    window_size_m: tuple[float, float] = (0.0, 0.0)  # tangential, radial; zero: the plate has none
+    plate_height_tolerance: float = 0.10
+    marker_radius_tolerance: float = 0.02
+    marker_size_tolerance: float = 0.02  # of both sizes
+    ring_width_tolerance: float = 0.05  # about the same centre line
 
     def __post_init__(self):
         if not 0 < self.ring_inner_radius_m < self.ring_radius_m < self.ring_outer_radius_m:
             raise ValueError("Port: expected 0 < inner < centre-line < outer radius of the ring")
         if self.symmetry < 1:
             raise ValueError(f"Port: symmetry must be at least 1, got {self.symmetry}")
+        for name in TOLERANCES:
+            check_number(name, getattr(self, name), *camera_files.TOLERANCE[1:])
+        for value in (self.window_radius_m, *self.window_size_m):
+            check_number("window_radius_m, window_size_m", value, *camera_files.WINDOW_M[1:])
+        self._check_windows()
+
+    def _check_windows(self) -> None:
+        """ValueError unless the windows, if there are any, lie on the plate and apart from the markers."""
+        if bool(self.window_size_m[0]) != bool(self.window_size_m[1]):
+            raise ValueError(f"window_size_m: expected two sizes, or two zeros, got {self.window_size_m}")
+        if not len(windows := self.window_corners_m()[..., :2]):
+            return
+        sides = _directions(np.arange(2 * self.symmetry) * np.pi / self.symmetry)
+        if (windows[0] @ sides.T).max() > self.apothem_m + ROUNDING_M:
+            raise ValueError("window_size_m, window_radius_m: the windows leave the plate")
+        for what, others in (("the markers", self.marker_corners_m()[..., :2]), ("one another", windows[1:])):
+            if any(_overlap(windows[0], other) for other in others):
+                raise ValueError(f"window_size_m, window_radius_m: the windows overlap {what}")
 
     @classmethod
     def lm_map(cls) -> Port:
@@ -75,9 +114,34 @@ class Port:
 
     def marker_corners_m(self) -> np.ndarray:
         """Corners of the markers in the port frame, shape (symmetry, 4, 3)."""
-        tangential, radial = np.array(self.marker_size_m) / 2
-        x = self.marker_radius_m + radial * np.array([-1, 1, 1, -1])
+        return self._corners_m(self.marker_radius_m, self.marker_size_m, 0.0)
+
+    def window_corners_m(self) -> np.ndarray:
+        """Corners of the windows in the port frame, shape (symmetry, 4, 3), or (0, 4, 3) without windows."""
+        corners = self._corners_m(self.window_radius_m, self.window_size_m, self.yaw_period_rad / 2)
+        return corners if any(self.window_size_m) else corners[:0]
+
+    def _corners_m(self, radius_m: float, size_m, first_yaw_rad: float) -> np.ndarray:
+        """Corners of equal rectangles (tangential, radial) on the plate, shape (symmetry, 4, 3)."""
+        tangential, radial = np.array(size_m) / 2
+        x = radius_m + radial * np.array([-1, 1, 1, -1])
         y = tangential * np.array([-1, -1, 1, 1])
         corners = np.column_stack([x, y, np.full(4, self.plate_height_m)])
-        yaws = np.arange(self.symmetry) * self.yaw_period_rad
+        yaws = first_yaw_rad + np.arange(self.symmetry) * self.yaw_period_rad
         return np.stack([corners @ Rotation.from_rotvec([0, 0, a]).as_matrix().T for a in yaws])
+
+
+def _directions(angle_rad) -> np.ndarray:
+    """Unit vectors (N, 2)."""
+    return np.stack([np.cos(angle_rad), np.sin(angle_rad)], -1)
+
+
+def _overlap(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two rectangles (4, 2) overlap: no side of either has all of the other beyond it."""
+    for corners in (a, b):
+        for side in np.diff(corners[:3], axis=0):
+            along_a, along_b = a @ side, b @ side
+            gap = max(along_a.min() - along_b.max(), along_b.min() - along_a.max())
+            if gap > -ROUNDING_M * np.linalg.norm(side):
+                return False
+    return True

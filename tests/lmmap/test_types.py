@@ -1,6 +1,6 @@
 import json
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -197,6 +197,32 @@ def test_markers_repeat_with_the_symmetry_and_have_their_size():
     np.testing.assert_allclose(sides, [[0.0164, 0.0509, 0.0164]] * 3)
     np.testing.assert_allclose(corners.mean(1)[0], [port.marker_radius_m, 0, port.plate_height_m], atol=1e-15)
     np.testing.assert_allclose(corners.mean((0, 1)), [0, 0, port.plate_height_m], atol=1e-15)
+
+
+def test_windows_lie_half_way_between_the_markers():
+    port = replace(Port.lm_map(), window_radius_m=0.030, window_size_m=(0.02, 0.016))
+    corners = port.window_corners_m()
+    assert corners.shape == (3, 4, 3)
+    sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1)
+    np.testing.assert_allclose(sides, [[0.016, 0.02, 0.016]] * 3)
+    middles, markers = corners.mean(1)[:, :2], port.marker_corners_m().mean(1)[:, :2]
+    np.testing.assert_allclose(np.linalg.norm(middles, axis=1), 0.030)
+    cosines = middles @ markers.T / (0.030 * port.marker_radius_m)
+    np.testing.assert_allclose(np.sort(cosines), [[-1, 0.5, 0.5]] * 3, atol=1e-12)  # one stands opposite
+    assert replace(port, window_size_m=(0.0, 0.0)).window_corners_m().shape == (0, 4, 3)
+
+
+def test_a_port_file_without_windows_or_tolerances_is_read(tmp_path):
+    """Files of the first versions; what they do not say has its default."""
+    port = replace(Port.lm_map(), window_radius_m=0.0, window_size_m=(0.0, 0.0))
+    path = tmp_path / "port.json"
+    port.save(path)
+    values = json.loads(path.read_text())
+    path.write_text(json.dumps({k: v for k, v in values.items() if "window" not in k and "toler" not in k}))
+    assert Port.load(path) == port
+    own = replace(port, plate_height_tolerance=0.03)
+    own.save(path)
+    assert Port.load(path) == own
 
 
 def test_an_estimate_shows_itself_in_a_notebook():

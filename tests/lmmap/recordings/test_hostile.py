@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -268,20 +269,52 @@ def test_yaml_that_expands_is_refused(tmp_path):
         Camera.load(tmp_path / "long.yaml")
 
 
+WINDOWS = {"window_radius_m": 0.030, "window_size_m": (0.020, 0.016)}
+
+
 @pytest.mark.parametrize(
     "change",
     [
         *({"symmetry": v} for v in (2.5, float("nan"), 1e9, 10**9, 0, -3, True, "3", None)),
         *({"marker_size_m": v} for v in ([0.05], [0.05, 0.01, 0.01], "ab", 0.05, [0.05, "a"], [0.05, 1e300])),
         {"ring_radius_m": float("inf")},
+        *({"plate_height_tolerance": v} for v in (0, 10, -0.1, float("nan"), "10 %", True, None)),
+        {"ring_width_tolerance": 0},
+        {"marker_radius_tolerance": 10},
+        {"marker_size_tolerance": 0.0},
+        *({"window_size_m": v} for v in ([-0.01, 0.01], [0.01], 0.01, [0.01, 0], [0.2, 0.02], [1e300, 1])),
+        {"window_radius_m": -0.03},
+        {"window_radius_m": 0.04, "window_size_m": [0.01, 0.02]},
+        {"window_radius_m": 0.025, "window_size_m": [0.05, 0.02]},
     ],
 )
 def test_ports_are_checked_field_by_field(tmp_path, change):
-    Port.lm_map().save(tmp_path / "port.json")
+    replace(Port.lm_map(), **WINDOWS).save(tmp_path / "port.json")
     values = json.loads((tmp_path / "port.json").read_text())
     (tmp_path / "port.json").write_text(json.dumps(values | change))
-    with pytest.raises(InputError, match=next(iter(change))):
+    with pytest.raises(InputError, match=next(iter(change))) as error:
         Port.load(tmp_path / "port.json")
+    assert "\n" not in str(error.value) and "port.json" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"window_radius_m": 0.040}, "leave the plate"),
+        ({"window_size_m": [0.032, 0.016]}, "overlap the markers"),
+        ({"window_radius_m": 0.006}, "overlap one another"),
+        ({"window_size_m": [0.020, 0]}, "two zeros"),
+    ],
+)
+def test_windows_lie_on_the_plate_apart_from_the_markers(tmp_path, change, said):
+    port = replace(Port.lm_map(), **WINDOWS)
+    port.save(tmp_path / "port.json")
+    values = json.loads((tmp_path / "port.json").read_text())
+    (tmp_path / "port.json").write_text(json.dumps(values | change))
+    with pytest.raises(InputError, match=said):
+        Port.load(tmp_path / "port.json")
+    with pytest.raises(ValueError, match=said):
+        replace(port, **change)
 
 
 HEAD = "t_us,x_m,y_m,z_m,qx,qy,qz,qw\n"

@@ -67,5 +67,5 @@ def test_what_is_no_file_or_too_large_is_not_read(tmp_path):
 def test_a_port_of_another_size_is_the_same_shape():
     port, large = Port.lm_map(), scale_port(Port.lm_map(), 0.16)
     np.testing.assert_allclose(large.marker_corners_m(), 2 * port.marker_corners_m())
-    assert large.symmetry == port.symmetry
+    assert large.symmetry == port.symmetry and large.plate_height_tolerance == port.plate_height_tolerance
     assert scale_port(large, port.ring_radius_m).panel_size_m == pytest.approx(port.panel_size_m)
