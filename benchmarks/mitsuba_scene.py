@@ -149,14 +149,11 @@ def shapes(solid, skin, layer) -> dict:
              "bsdf": part(layer, BODY)}
         )  # fmt: skip
 
-    sides = np.arange(6) * np.pi / 3 + np.pi / 6
-    hexagon = solid.plate_apothem / np.cos(np.pi / 6) * np.stack([np.cos(sides), np.sin(sides)], -1)
-    hexagon = np.column_stack([hexagon, np.full(6, solid.plate_height)])
-    fan = [[0, k, k + 1] for k in range(1, 5)]
-    meshes["plate"] = mesh("plate", hexagon, fan, part(layer, PLATE))
+    meshes["plate"] = mesh("plate", *plate_triangles(solid), part(layer, PLATE))
     quad = [[0, 1, 2], [0, 2, 3]]
     for k, (c, s) in enumerate(solid.sectors):
         radial = solid.marker_radius + solid.marker_half[1] * np.array([-1, 1, 1, -1])
+        radial = np.minimum(radial, solid.plate_apothem)  # nothing stands over the plate's edge
         along = solid.marker_half[0] * np.array([-1, -1, 1, 1])
         marker = np.stack([radial * c - along * s, radial * s + along * c], -1)
         marker = np.column_stack([marker, np.full(4, solid.plate_height + LIFT_M)])
@@ -167,6 +164,26 @@ def shapes(solid, skin, layer) -> dict:
                  base + rise * up - tip * tangent]  # fmt: skip
         meshes[f"petal {k}"] = mesh("petal", petal, quad, part(layer, PETAL))
     return meshes
+
+
+def plate_triangles(solid) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (N, 3) and triangles (M, 3) of the hexagon without its windows.
+
+    Each third of it, about a window, is a pentagon from the axis; its corners are joined with the window's.
+    """
+    apothem, (tangential, radial) = solid.plate_apothem, solid.window_half
+    near, far = solid.window_radius - radial, solid.window_radius + radial
+    c, s = apothem * np.cos(np.pi / 3), apothem * np.sin(np.pi / 3)  # the middle of a marker's side
+    corner = apothem * np.tan(np.pi / 6)
+    third = np.array([
+        (0, 0), (c, -s), (apothem, -corner), (apothem, corner), (c, s),
+        (near, -tangential), (far, -tangential), (far, tangential), (near, tangential),
+    ])  # fmt: skip
+    faces = np.array([[0, 1, 5], [1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 4, 8], [3, 8, 7], [4, 0, 8],
+                      [0, 5, 8]])  # fmt: skip
+    vertices = [np.column_stack([third @ [[x, y], [-y, x]], np.full(9, solid.plate_height)])
+                for x, y in solid.window_sectors]  # fmt: skip
+    return np.concatenate(vertices), np.concatenate([faces + 9 * k for k in range(len(vertices))])
 
 
 SURFACE = {"panel face": PANEL, "panel": PANEL, "ring": RING, "outer wall": BODY, "inner wall": BODY,

@@ -30,12 +30,16 @@ INSIDE = 0.06  # of the ring's radius, within its inner edge: from there the mas
 HALO_M = 0.004  # about a marker's outline, what a mask's blur of two pixels spreads
 NEIGHBOURHOOD_M = 0.062  # radius about the port's axis in which the markers' mask is to be explained
 STEP_M = 0.002
+TOUCHING_M = (
+    0.001  # along a ray: a part that stands so little before a point touches it, and does not hide it
+)
 
 
 def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     """Whether plate or petals stand between points (N, 3) and an eye (3,), both in the port frame, (N,).
 
     The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
+    Its windows hide nothing.
     """
     points, eye = np.asarray(points_m, float), np.asarray(eye_m, float)
     radial, tangent, base, normal = _petals(port)
@@ -43,14 +47,26 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         to_plate = (port.plate_height_m - eye[2]) / ray[:, 2]  # share of the ray
         on_plate = eye + to_plate[:, None] * ray
-        by_plate = (np.abs(on_plate @ radial.T).max(1) < port.apothem_m) & (to_plate < 1)
+        before = 1 - TOUCHING_M / np.linalg.norm(ray, axis=1)  # share of the ray where what hides it ends
+        by_plate = (np.abs(on_plate @ radial.T).max(1) < port.apothem_m) & (to_plate < before)
+        by_plate &= ~_in_window(on_plate, port)
         share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)
         on_petal = eye + share[..., None] * ray[:, None] - base
         height = on_petal[..., 2] / port.petal_rise_m
         half_m = ((1 - height) * port.petal_widths_m[0] + height * port.petal_widths_m[1]) / 2
         across_m = np.abs(np.sum(on_petal * tangent, -1))
-    by_petal = (share > 0) & (share < 1) & (height > 0) & (height < 1) & (across_m < half_m)
+    by_petal = (share > 0) & (share < before[:, None]) & (height > 0) & (height < 1) & (across_m < half_m)
     return by_plate | by_petal.any(1)
+
+
+def _in_window(points_m, port: Port) -> np.ndarray:
+    """Whether points (N, 3) of the plate's plane lie in one of its windows, (N,)."""
+    yaws = (np.arange(port.symmetry) + 0.5) * port.yaw_period_rad
+    c, s = np.cos(yaws), np.sin(yaws)
+    x, y = points_m[:, :1], points_m[:, 1:2]
+    half_tangential, half_radial = np.array(port.window_size_m) / 2
+    within = np.abs(x * c + y * s - port.window_radius_m) < half_radial
+    return (within & (np.abs(y * c - x * s) < half_tangential)).any(1)
 
 
 @lru_cache

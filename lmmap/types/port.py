@@ -76,21 +76,26 @@ class Port:
 
     @classmethod
     def lm_map(cls) -> Port:
-        """Lockheed Martin Mission Augmentation Port; proportions of the paper's drawing."""
+        """Lockheed Martin Mission Augmentation Port, with the proportions of the authors' CAD.
+
+        They are measured in the paper's overlays, which show projections of that model.
+        """
         return cls(
             ring_radius_m=0.0800,
-            ring_inner_radius_m=0.0724,
-            ring_outer_radius_m=0.0876,
-            plate_circumradius_m=0.052,
-            plate_height_m=0.046,
-            marker_radius_m=0.0365,
-            marker_size_m=(0.0509, 0.0164),
-            petal_widths_m=(0.052, 0.032),
-            petal_rise_m=0.029,
-            petal_lean_m=0.0136,
-            stem_radius_m=0.022,
+            ring_inner_radius_m=0.0707,
+            ring_outer_radius_m=0.0893,
+            plate_circumradius_m=0.0545,
+            plate_height_m=0.0361,
+            marker_radius_m=0.0393,
+            marker_size_m=(0.0536, 0.0161),
+            petal_widths_m=(0.0506, 0.0225),
+            petal_rise_m=0.0256,
+            petal_lean_m=0.0124,
+            stem_radius_m=0.0185,
             panel_depth_m=0.009,
             panel_size_m=(0.68, 0.44),
+            window_radius_m=0.0317,
+            window_size_m=(0.0250, 0.0206),
         )
 
     @classmethod

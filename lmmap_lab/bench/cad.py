@@ -1,7 +1,8 @@
 """The bench's geometry: the port's CAD on its panel as analytic surfaces, and rays against them.
 
 Everything is in the port frame.  The surfaces are the panel (a slab), the ring (an annulus and its two
-walls), the stem (a cylinder), the plate (a hexagon) with its markers, and the petals (trapezoids).
+walls), the stem (a cylinder), the plate (a hexagon with windows) with its markers, and the petals
+(trapezoids).
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ class Solid(NamedTuple):
     sectors: np.ndarray  # (S, 2) unit vectors to the markers
     marker_radius: float
     marker_half: np.ndarray  # (2,) tangential, radial
+    window_sectors: np.ndarray  # (S, 2) unit vectors to the windows, which are cut through the plate
+    window_radius: float
+    window_half: np.ndarray  # (2,) tangential, radial; zero: none
     petals: np.ndarray  # (S, 4, 3): base point, tangent, up, normal
     petal_half_widths: np.ndarray  # (2,) at the base, at the tip
     petal_length: float
@@ -47,8 +51,9 @@ class Solid(NamedTuple):
 
 def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
     """The numbers of a port; ``panel_centre_m`` (x, y) is the panel's middle in the port frame."""
-    apothem = port.plate_circumradius_m * np.cos(np.pi / 6)
+    apothem = port.apothem_m
     yaws = np.arange(port.symmetry) * port.yaw_period_rad
+    between = yaws + port.yaw_period_rad / 2
     length = np.hypot(port.petal_rise_m, port.petal_lean_m)
     up = np.array([port.petal_lean_m, 0, port.petal_rise_m]) / length
     frame = np.array([[apothem, 0, port.plate_height_m], [0, 1, 0], up, np.cross([0, 1, 0], up)])
@@ -71,6 +76,9 @@ def solid(port: Port, panel_centre_m=(0.0, 0.0)) -> Solid:
         np.stack([np.cos(yaws), np.sin(yaws)], -1),
         port.marker_radius_m,
         np.array(port.marker_size_m) / 2,
+        np.stack([np.cos(between), np.sin(between)], -1),
+        port.window_radius_m,
+        np.array(port.window_size_m) / 2,
         np.stack([frame @ R.T for R in turns]),
         np.array(port.petal_widths_m) / 2,
         length,
@@ -111,6 +119,16 @@ def _misses_sphere(ox, oy, oz, dx, dy, dz, height, radius2):
 
 
 @njit(fastmath=True, error_model="numpy", inline="always")
+def _in_window(s, x, y):
+    """Whether a point of the plate is in one of its windows."""
+    for k in range(len(s.window_sectors)):
+        c, n = s.window_sectors[k, 0], s.window_sectors[k, 1]
+        if abs(x * c + y * n - s.window_radius) < s.window_half[1] and abs(y * c - x * n) < s.window_half[0]:
+            return True
+    return False
+
+
+@njit(fastmath=True, error_model="numpy", inline="always")
 def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
     """First surface of the port along a ray: (distance, surface, nx, ny, nz), without the panel."""
     t, what, nx, ny, nz = t_max, NOTHING, 0.0, 0.0, 0.0
@@ -144,7 +162,7 @@ def hit_port(s, ox, oy, oz, dx, dy, dz, t_max):
             far = max(far, abs(along))
             if along > radial:
                 radial, tangential = along, abs(y * c - x * n)
-        if far < s.plate_apothem:
+        if far < s.plate_apothem and not _in_window(s, x, y):
             t, what, nx, ny, nz = u, PLATE, 0.0, 0.0, 1.0
             if tangential < s.marker_half[0] and abs(radial - s.marker_radius) < s.marker_half[1]:
                 what = MARKER

@@ -27,7 +27,7 @@ KINDS = re.compile(
 COLOCATED_M, EARTHSHINE_M, SUN_M = (0.035, -0.020, 0.0), (0.9, -0.7, 0.1), (-2.2, -0.7, -0.9)
 # radiant intensities of the lamps (the colocated lamp has 1), and the gain from radiance to full scale of
 # both sensors, which is the same in every light; `lmmap photometry` chose all three
-EARTHSHINE, SUN, GAIN = 123.7, 1799.5, 0.04153
+EARTHSHINE, SUN, GAIN = 153.3, 2569.1, 0.03047
 SECONDS = {  # length of a sequence; the paper has 80 min augmented, 20 min realistic, > 5000 empty frames
     "quick": {"augmented": 2.0, "realistic": 2.0, "speed": 2.0, "test": 6.0, "hard": 3.0, "empty": 3.0},
     "paper": {"augmented": 60.0, "realistic": 60.0, "speed": 20.0, "test": 210.0, "hard": 40.0,

@@ -14,12 +14,18 @@ RING, MARKER, PLATE = COLOUR["rgb"], COLOUR["event"], COLOUR["ink"]
 
 
 def draw_front(ax, port: Port) -> None:
-    """The port from the front, in millimetres: ring, plate, markers, and the frame's x and y axes."""
+    """The port from the front, in millimetres: ring, plate, windows, markers, and the frame's axes."""
     for radius_m in (port.ring_outer_radius_m, port.ring_inner_radius_m):
         ax.add_patch(Circle((0, 0), radius_m * MM, fill=False, color=RING, lw=1.5))
     corner = np.deg2rad(30 + 60 * np.arange(6))
     hexagon_mm = port.plate_circumradius_m * MM * np.column_stack([np.cos(corner), np.sin(corner)])
     ax.add_patch(Polygon(hexagon_mm, fill=False, color=PLATE))
+    windows_mm = port.window_corners_m()[..., :2] * MM
+    for corners_mm in windows_mm:
+        ax.add_patch(Polygon(corners_mm, fill=False, color=PLATE))
+    if len(windows_mm):
+        ax.annotate("window", windows_mm[-1].mean(0), (78, -98), color=PLATE, ha="center",
+                    arrowprops={"arrowstyle": "-", "color": PLATE})  # fmt: skip
     for k, corners_m in enumerate(port.marker_corners_m()):
         ax.add_patch(Polygon(corners_m[:, :2] * MM, color=MARKER, alpha=0.75, lw=0))
         off_axis_mm = corners_m[[1, 2, 2, 3], :2].mean(0) * MM
@@ -34,7 +40,7 @@ def draw_front(ax, port: Port) -> None:
         "ring", (0, -86), (0, -112), color=RING, ha="center", arrowprops={"arrowstyle": "-", "color": RING}
     )
     ax.annotate(
-        "plate", hexagon_mm[4] * 0.98, (52, -104), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE}
+        "plate", hexagon_mm[4] * 0.98, (38, -112), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE}
     )
     ax.set(
         xlim=(-100, 100),
@@ -48,7 +54,7 @@ def draw_front(ax, port: Port) -> None:
 
 def draw_side(ax, port: Port) -> None:
     """The port in section through the axis, in millimetres: to the right is the visitor's side."""
-    half_mm, height_mm = port.plate_circumradius_m * MM, port.plate_height_m * MM
+    side_mm, height_mm = port.apothem_m * MM, port.plate_height_m * MM
     depth_mm = port.panel_depth_m * MM
     ax.add_patch(Rectangle((-depth_mm - 8, -100), 8, 200, color=PLATE, alpha=0.25, lw=0))
     for sign in (-1, 1):
@@ -61,15 +67,16 @@ def draw_side(ax, port: Port) -> None:
     ax.add_patch(
         Rectangle((-depth_mm, -stem_mm), height_mm + depth_mm, 2 * stem_mm, color=PLATE, alpha=0.25, lw=0)
     )
-    ax.plot([height_mm] * 2, [-half_mm, half_mm], color=PLATE, lw=1.5)
-    middle_mm, side_mm = port.marker_radius_m * MM, port.marker_size_m[1] * MM / 2
+    middle_mm, half_mm = port.window_radius_m * MM, port.window_size_m[1] * MM / 2  # opposite marker 0
+    for ends_mm in ((-side_mm, -middle_mm - half_mm), (-middle_mm + half_mm, side_mm)):
+        ax.plot([height_mm] * 2, ends_mm, color=PLATE, lw=1.5, solid_capstyle="butt")
+    middle_mm, half_mm = port.marker_radius_m * MM, port.marker_size_m[1] * MM / 2
     ax.plot(
-        [height_mm] * 2, [middle_mm - side_mm, middle_mm + side_mm], color=MARKER, lw=4, solid_capstyle="butt"
+        [height_mm] * 2, [middle_mm - half_mm, middle_mm + half_mm], color=MARKER, lw=4, solid_capstyle="butt"
     )
-    base_mm = half_mm * np.cos(np.pi / 6)
     ax.plot(
         [height_mm, height_mm + port.petal_rise_m * MM],
-        [base_mm, base_mm + port.petal_lean_m * MM],
+        [side_mm, side_mm + port.petal_lean_m * MM],
         color=PLATE,
     )
     ax.annotate("", (96, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": COLOUR["truth"], "lw": 1.6})
@@ -78,7 +85,7 @@ def draw_side(ax, port: Port) -> None:
     ax.annotate(f"{height_mm:.0f} mm", (height_mm / 2, -84), ha="center")
     ax.annotate(
         "petal",
-        (height_mm + 18, base_mm + 9),
+        (height_mm + 18, side_mm + 9),
         (86, 86),
         ha="center",
         arrowprops={"arrowstyle": "-", "color": PLATE},

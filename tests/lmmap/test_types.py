@@ -194,7 +194,7 @@ def test_markers_repeat_with_the_symmetry_and_have_their_size():
     corners = port.marker_corners_m()
     assert corners.shape == (3, 4, 3)
     sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1)
-    np.testing.assert_allclose(sides, [[0.0164, 0.0509, 0.0164]] * 3)
+    np.testing.assert_allclose(sides, [[0.0161, 0.0536, 0.0161]] * 3)
     np.testing.assert_allclose(corners.mean(1)[0], [port.marker_radius_m, 0, port.plate_height_m], atol=1e-15)
     np.testing.assert_allclose(corners.mean((0, 1)), [0, 0, port.plate_height_m], atol=1e-15)
 

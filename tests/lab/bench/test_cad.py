@@ -1,5 +1,7 @@
 """Rays against the CAD: what is hit where, and what hides what."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,11 +21,12 @@ def look_down(x, y, height=1.0):
     [
         (0.080, 0.0, cad.RING, 0.0),
         (-0.080, 0.0, cad.RING, 0.0),
-        (0.0365, 0.0, cad.MARKER, 0.046),
-        (0.0365, 0.0254, cad.MARKER, 0.046),
-        (0.0365, 0.0256, cad.PLATE, 0.046),
-        (-0.0365, 0.0, cad.PLATE, 0.046),  # markers sit at 0, 120 and 240 deg
-        (0.0, 0.0, cad.PLATE, 0.046),
+        (0.0393, 0.0, cad.MARKER, 0.0361),
+        (0.0393, 0.0267, cad.MARKER, 0.0361),
+        (0.0393, 0.0269, cad.PLATE, 0.0361),
+        (-0.0425, 0.0, cad.PLATE, 0.0361),  # markers sit at 0, 120 and 240 deg, windows opposite them
+        (-0.0317, 0.0126, cad.PLATE, 0.0361),
+        (0.0, 0.0, cad.PLATE, 0.0361),
     ],
 )
 def test_straight_down(x, y, surface, height):
@@ -31,6 +34,25 @@ def test_straight_down(x, y, surface, height):
     assert hit_surface == surface
     assert hit_height == pytest.approx(height, abs=1e-9)
     assert normal == [0, 0, 1]
+
+
+@pytest.mark.parametrize("x", [-0.0215, -0.0317, -0.0419])
+@pytest.mark.parametrize("y", [-0.0124, 0.0, 0.0124])
+def test_a_window_lets_rays_through_and_a_port_without_windows_does_not(x, y):
+    assert look_down(x, y)[1] == cad.NOTHING  # as far as the panel
+    closed = cad.solid(replace(Port.lm_map(), window_size_m=(0.0, 0.0)))
+    assert cad.hit_port(closed, x, y, 1.0, 1e-12, 1e-12, -1.0, np.inf)[1] == cad.PLATE
+
+
+def test_the_ring_is_seen_through_a_window():
+    """Over the plate's near side and down through the window at -x, to the ring beyond it."""
+    eye, window, shown = np.array([0.15, 0.0, 0.2]), (-0.0317, 0.0), []
+    ray = np.array([*window, Port.lm_map().plate_height_m]) - eye
+    hit = eye - eye[2] / ray[2] * ray
+    assert SOLID.ring_inner < -hit[0] < SOLID.ring_outer
+    for port in (Port.lm_map(), replace(Port.lm_map(), window_size_m=(0.0, 0.0))):
+        shown.append(cad.hit_port(cad.solid(port), *eye, *(ray / np.linalg.norm(ray)), np.inf)[1])
+    assert shown == [cad.RING, cad.PLATE]
 
 
 def test_between_plate_and_ring_is_only_the_panel():
@@ -43,7 +65,7 @@ def test_between_plate_and_ring_is_only_the_panel():
 def test_petal_rises_over_the_marker_side_and_hides_the_ring_behind_it():
     height, surface, _ = look_down(0.055, 0.0)
     port = Port.lm_map()
-    share = (0.055 - port.plate_circumradius_m * np.cos(np.pi / 6)) / port.petal_lean_m
+    share = (0.055 - port.apothem_m) / port.petal_lean_m
     assert surface == cad.PETAL
     assert height == pytest.approx(port.plate_height_m + share * port.petal_rise_m, abs=1e-9)
     direction = np.array([0.080, 0.0, 0.0]) - [-0.08, 0.0, 0.15]  # over the plate, down to the far ring

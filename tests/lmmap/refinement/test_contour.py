@@ -76,7 +76,7 @@ def test_refinement_recovers_where_something_sticks_to_the_stroke():
         around = truth.points(360)
         for start in range(0, 360, 60):
             mask = mask_of(T, rng)
-            stuck = truth.centre_px + 0.86 * (around[start : start + 50] - truth.centre_px)
+            stuck = truth.centre_px + 0.82 * (around[start : start + 50] - truth.centre_px)
             for u, v in np.round(stuck).astype(int):
                 mask[v - 2 : v + 3, u - 2 : u + 3] = 1
             coarse, _ = ellipse.fit_ransac(skeleton_points(mask), rng)
