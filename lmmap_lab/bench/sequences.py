@@ -155,7 +155,7 @@ def duration_s(seq: Sequence, seconds: float | None, profile: str = "quick") -> 
 def simulate(name: str, seconds: float | None = None, progress=None, *, camera: Camera | None = None,
              parts: Path | None = None, sensor: SensorSettings | None = None,
              setup: Setup = OUR_SETUP, port: Port | None = None) -> Recording:  # fmt: skip
-    """Record a sequence with a camera (default: DAVIS 346) that looks at a port (default: the LM-MAP).
+    """Record a sequence with a camera (default: DAVIS 346) that looks at a port (default: LM-MAP).
 
     Parameters
     ----------
@@ -180,9 +180,8 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     camera = Camera.davis346() if camera is None else camera
     seconds = duration_s(seq, seconds)
     event_sensor = EventSensor(camera, sensor or SensorSettings(), seq.rng("events " + seq.light))
-    finished = part_files.resume(
-        parts, event_sensor, f"{name} {seconds} {camera} {port} {event_sensor.settings}"
-    )
+    made_of = f"{name} {seconds} {camera} {port} {event_sensor.settings}"
+    finished = part_files.resume(parts, event_sensor, made_of)
     skip, part_start_us = (int(finished[-1][k]) for k in ("images", "t_us")) if finished else (0, 0)
     part = {"events": [], "frames": [], "frames_t_us": []}
     images = stream(seq, camera, port, seconds, event_sensor, skip, setup)

@@ -1,6 +1,6 @@
 """Laboratories of other materials, lamps and sensors, drawn from a number, to train the robust filters.
 
-``varied-N`` is a sequence whose panel, paint, ring, lamps, backdrop, lens and event sensor are each drawn at
+``varied-N`` is a sequence whose port, panel, paint, lamps, backdrop, lens and event sensor are each drawn at
 random from wide ranges (domain randomization, Tobin et al. 2017).  Motion and kind of light are those of the
 laboratory's own sequences.  High light has half of them, for it is the hard one.
 """
@@ -8,7 +8,7 @@ laboratory's own sequences.  High light has half of them, for it is the hard one
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -41,11 +41,41 @@ def base_sequence(name: str) -> laboratory.Sequence:
 
 
 def record_varied(name: str) -> Recording:
-    """A short recording in the laboratory of this name."""
+    """A short recording of the port `draw_port` in the laboratory of this name."""
     seq = base_sequence(name)
     rng = seq.rng("varied")
     setup = sequences.Setup(panel, lamps, backdrop, PaintedPort.draw(rng), rng.uniform(0.4, 1.1))
-    return sequences.simulate(seq.name, SECONDS[seq.light], sensor=draw_sensor(rng), setup=setup)
+    return sequences.simulate(
+        seq.name, SECONDS[seq.light], sensor=draw_sensor(rng), setup=setup, port=draw_port(seq)
+    )
+
+
+def draw_port(seq) -> Port:
+    """An LM-MAP of other dimensions about the same centre line: mock-ups differ from their CAD.
+
+    The windows keep their place; where the markers leave less room, they are narrower.
+    """
+    port, rng = Port.lm_map(), seq.rng("varied port")
+    half_width_m = rng.uniform(0.8, 1.15) * (port.ring_outer_radius_m - port.ring_inner_radius_m) / 2
+    tangential_m, radial_m = port.marker_size_m * rng.uniform(0.9, 1.1, 2)
+    marker_radius_m = port.marker_radius_m * rng.uniform(0.95, 1.05)
+    apothem_m = (marker_radius_m + radial_m / 2) * rng.uniform(1, 1.06)
+    half_period = port.yaw_period_rad / 2  # between a marker and a window
+    free_m = 2 * (marker_radius_m - radial_m / 2) * np.sin(half_period) - tangential_m * np.cos(half_period)
+    window_m = min(port.window_size_m[0], free_m), port.window_size_m[1]
+    return replace(
+        port,
+        ring_inner_radius_m=port.ring_radius_m - half_width_m,
+        ring_outer_radius_m=port.ring_radius_m + half_width_m,
+        marker_size_m=(tangential_m, radial_m),
+        marker_radius_m=marker_radius_m,
+        plate_circumradius_m=apothem_m / np.cos(np.pi / (2 * port.symmetry)),
+        window_size_m=window_m,
+        plate_height_m=port.plate_height_m * rng.uniform(0.75, 1.3),
+        petal_widths_m=tuple(port.petal_widths_m * rng.uniform(0.8, 1.2, 2)),
+        petal_rise_m=port.petal_rise_m * rng.uniform(0.8, 1.2),
+        petal_lean_m=port.petal_lean_m * rng.uniform(0.7, 1.3),
+    )
 
 
 def draw_sensor(rng) -> SensorSettings:
