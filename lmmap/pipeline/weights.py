@@ -22,9 +22,10 @@ MAX_BYTES = 2**26  # of a weight file; ours have 1.6 MB
 MAX_CARD_BYTES = 2**24  # of its card, with the curve of its training
 
 
-def weight_path(name: str, modality: str, domain_gap: str = "low") -> Path:
-    """Where the weights of a filter ship."""
-    return WEIGHTS / f"{name}-{modality}-{domain_gap}.safetensors"
+def weight_path(name: str, modality: str, domain_gap: str = "low", seed: int = 0) -> Path:
+    """Where the weights of a filter ship; those of other seeds than 0 are for comparisons only."""
+    other = f"-seed{seed}" if seed else ""
+    return WEIGHTS / f"{name}-{modality}-{domain_gap}{other}.safetensors"
 
 
 def save_weights(net: FilterNet, path, card: dict) -> None:

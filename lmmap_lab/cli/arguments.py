@@ -65,9 +65,6 @@ def train(commands: Commands) -> None:
     command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
     command.add_argument("--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: none)")
-    text = "steps at which the learning rate starts again"
-    command.add_argument("--restart", type=int, nargs="+", metavar="STEP", help=text)
-    command.add_argument("--go-on", action="store_true", help="continue from weights that end at a restart")
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
 

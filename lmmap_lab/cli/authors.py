@@ -176,7 +176,7 @@ def train(a) -> None:
     """Filters trained on a folder of bags, kept where ``reproduce --data`` looks for them."""
     from ..training import train  # torch's optimisers take a second to import
 
-    chosen = {"steps": a.steps or 2000, "start_from": a.start_from or "", "restart": a.restart or ()}
+    chosen = {"steps": a.steps or 2000, "start_from": a.start_from or ""}
     chosen |= {} if a.start_from else {"rate": FAST}
     gaps = [a.domain_gap] if a.domain_gap else table1.DOMAIN_GAPS
     names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
@@ -186,7 +186,7 @@ def train(a) -> None:
         for name, modality in product(names, modalities):
             recipe = Recipe(name, modality, gap, a.seed, **chosen, data=out.parent.name)
             path = out / weight_path(name, modality, "low").name  # as `Estimator` looks for a folder's
-            train.train(recipe, folder, lambda line: print(line, flush=True), path, pieces, go_on=a.go_on)
+            train.train(recipe, folder, lambda line: print(line, flush=True), path, pieces)
             print(f"{path}: written")
 
 

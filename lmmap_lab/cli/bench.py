@@ -77,12 +77,10 @@ def train(a) -> None:
     names = [a.filter] if a.filter else FILTERS
     modalities = [a.modality] if a.modality else CHANNELS
     for gap, name, modality in product(gaps, names, modalities):
-        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from, "restart": a.restart}
+        asked = {"seed": a.seed, "steps": a.steps, "start_from": a.start_from}
         changes = {key: value for key, value in asked.items() if value is not None}
         recipe = Recipe.of_shipped(name, modality, gap, **changes)
-        path = train.train(
-            recipe, DERIVED_DATA / "training", lambda line: print(line, flush=True), go_on=a.go_on
-        )
+        path = train.train(recipe, DERIVED_DATA / "training", lambda line: print(line, flush=True))
         print(f"{path}: written")
 
 

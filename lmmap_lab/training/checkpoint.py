@@ -9,7 +9,6 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from lmmap.files import atomic
-from lmmap.pipeline.weights import load_card, load_weights
 from lmmap.types import InputError
 
 
@@ -24,7 +23,7 @@ def save_checkpoint(path, net, adam, recipe, step, curve) -> None:
 
 
 def resume(path, net, adam, recipe) -> tuple[int, list]:
-    """Put a checkpoint of this recipe, or of one that ended where it restarts, into net and optimiser.
+    """Put a checkpoint of this recipe into net and optimiser.
 
     Returns the next step, and the curve so far.
     """
@@ -36,7 +35,7 @@ def resume(path, net, adam, recipe) -> tuple[int, list]:
             tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{path}: no readable checkpoint ({error}); delete it to start anew") from None
-    if facts["recipe"] not in [json.dumps(asdict(known)) for known in (recipe, *recipe.earlier)]:
+    if facts["recipe"] != json.dumps(asdict(recipe)):
         return 0, []
     net.load_state_dict({k[4:]: v for k, v in tensors.items() if k.startswith("net.")})
     state = adam.state_dict()
@@ -46,18 +45,3 @@ def resume(path, net, adam, recipe) -> tuple[int, list]:
             state["state"].setdefault(int(i), {})[name] = v
     adam.load_state_dict(state)
     return int(facts["step"]), json.loads(facts["curve"])
-
-
-def resume_from_weights(path, net, recipe) -> tuple[int, list]:
-    """As `resume`, from the weights of an earlier recipe that ended where this one restarts.
-
-    Raises `InputError` if they are another recipe's.
-    """
-    tensors, card = load_weights(path, recipe.modality), load_card(path)
-    if card["recipe"] not in [json.loads(json.dumps(asdict(earlier))) for earlier in recipe.earlier]:
-        raise InputError(
-            f"{path}: not the weights of this training's first steps ({card['command']}); leave out --go-on"
-        )
-    net.load_state_dict(tensors)
-    card["curve"][-1]["went_on_from"] = card["sha256"]
-    return card["recipe"]["steps"], card["curve"]

@@ -23,7 +23,7 @@ from lmmap.settings import PAPER
 
 from ..provenance import commit
 from . import augment, dataset
-from .checkpoint import resume, resume_from_weights, save_checkpoint
+from .checkpoint import resume, save_checkpoint
 from .recipe import Recipe
 
 CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
@@ -94,7 +94,7 @@ def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDAT
 
 
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
-          every: int | None = None, go_on: bool = False,
+          every: int | None = None,
           network: Callable[[int, float], torch.nn.Module] = FilterNet,
           validation_images: int = VALIDATION_IMAGES) -> Path:  # fmt: skip
     """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
@@ -109,9 +109,6 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         Sequences; default: the domain gap's.
     every
         Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
-    go_on
-        Without a checkpoint, begin with the weights that are there, if they ended where the recipe restarts.
-        They have half precision and Adam's moments are lost, which the card then says.
     network
         Makes the network from its input channels and the share of positive pixels.  It takes images
         (N, C, H, W) and returns logits (N, 1, H, W).
@@ -126,7 +123,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     torch.manual_seed(recipe.seed)
     tune_allocator()
     net = network(CHANNELS[recipe.modality], prior)
-    run = f"{recipe.name}-{recipe.seed}" + (f"-{network.__name__}" if network is not FilterNet else "")
+    run = recipe.name + (f"-{network.__name__}" if network is not FilterNet else "")
     if recipe.start_from:
         first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
         net.load_state_dict(load_weights(first, recipe.modality))
@@ -135,9 +132,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
     start, curve = resume(checkpoint, net, adam, recipe)
-    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap)
-    if go_on and not start:
-        start, curve = resume_from_weights(path, net, recipe)
+    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap, recipe.seed)
     start_s, losses = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
@@ -171,7 +166,7 @@ def _step(net, adam, pair, recipe, step) -> float:
     net.train()
     for group in adam.param_groups:
         warm_up = min((step + 1) / recipe.warm_up, 1)
-        group["lr"] = recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * recipe.phase(step)))
+        group["lr"] = recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
     device = next(net.parameters()).device
     x = pair[0].to(device, memory_format=torch.channels_last)
     with half_precision(device):

@@ -205,11 +205,12 @@ def test_weights_of_every_modality_and_filter_ship():
 
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)
 def test_shipped_weights_load_and_say_how_they_were_made(path):
-    name, modality, gap = path.stem.split("-")
+    name, modality, gap, *seed = path.stem.split("-")
     load_network(path, modality)
     card = load_card(path)
     assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality} --domain-gap {gap}")
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]
+    assert seed == ([f"seed{card['recipe']['seed']}"] if card["recipe"]["seed"] else [])
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])
 
 
