@@ -12,7 +12,7 @@ import pandas as pd
 from lmmap.estimation.images import images
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.rescale import trained_range_m
-from lmmap.pipeline.weights import FILTERS, load_card, load_network, weight_path
+from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_card, load_network, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording
 
@@ -43,10 +43,18 @@ def training(domain_gap: str) -> pd.DataFrame:
                 "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
                 "training sequences": ", ".join(kinds),
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
+                "rate": card["recipe"]["rate"],
                 "begun from": card["recipe"]["start_from"] or "chance",
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
             })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def devices() -> str:
+    """On what the shipped networks were trained, by their cards."""
+    cards = [load_card(weight_path(f, m, gap)) for f, m, gap in product(FILTERS, CHANNELS, DOMAIN_GAPS)]
+    words = {"cuda": "a graphics card", "cpu": "processor cores"}
+    return " and ".join(sorted({f"{words[c['device']]} (torch {c['torch'].split('+')[0]})" for c in cards}))
 
 
 def of_networks(table: str) -> str:
