@@ -228,7 +228,7 @@ def test_as_printed_is_the_paper_s_procedure(capsys):
     """Its normals err by the formula's bias; it knows no fusion."""
     argv = ("evaluate", DRAWN, "--rate", "5", "--as-printed", "--json", "--modality")
     report = json.loads(run(capsys, *argv, "rgb")[1])["rgb"]
-    assert report["normal_error_median_deg"] > 3 and report["position_error_median_mm"] < 20
+    assert report["normal_error_median_deg"] > 2 and report["position_error_median_mm"] < 20
     assert report["paper_formula_normal_median_deg"] is None
     code, _, err = run(capsys, *argv, "fused")
     assert code == 1 and "the paper fuses nothing" in err

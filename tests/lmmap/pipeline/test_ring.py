@@ -30,7 +30,7 @@ def test_from_nearby_the_same_contour_is_reached(step_px):
     contour = follow(start, MASK, WIDTH_PX, CAMERA)
     np.testing.assert_allclose(contour.ellipse.centre_px, RING.centre_px, atol=0.15)
     np.testing.assert_allclose(contour.ellipse.semi_axes_px, RING.semi_axes_px, atol=0.15)
-    assert contour.arc_coverage > 0.95
+    assert contour.arc_coverage > 0.9
 
 
 def test_an_expectation_is_no_evidence():
