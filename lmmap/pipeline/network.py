@@ -42,21 +42,40 @@ RECEPTIVE_RADIUS_PX = max(abs(end - at) for at in range(STRIDE_PX) for end in in
 
 
 class FilterNet(nn.Module):
-    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, edges repeated to whole strides within."""
+    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, edges repeated to whole strides within.
 
-    def __init__(self, channels: int, prior: float = 0.5):
+    Parameters
+    ----------
+    channels, prior : of the images, and the share of positive pixels that an untrained network expects
+    widths : channels after each convolution; the paper's are `WIDTHS`
+    depthwise : inner convolutions are of each channel alone, then across channels (Howard et al. 2017)
+    """
+
+    def __init__(self, channels: int, prior: float = 0.5, widths=WIDTHS, depthwise: bool = False):
         super().__init__()
-        a, b, c = WIDTHS
-        self.down = nn.ModuleList(
-            [nn.Conv2d(i, o, KERNEL, padding=1) for i, o in pairwise((channels, a, b, c))]
-        )
-        up = dict(kernel_size=KERNEL, stride=2, padding=1, output_padding=1)
-        self.up = nn.ModuleList([nn.ConvTranspose2d(i, o, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))])
-        for layer in [*self.down, *self.up]:
-            nn.init.kaiming_normal_(layer.weight)
-            nn.init.zeros_(layer.bias)
+        a, b, c = widths
+        side, up = dict(padding=KERNEL // 2), dict(stride=2, padding=KERNEL // 2, output_padding=1)
+        down = [nn.Conv2d(i, o, KERNEL, **side) for i, o in pairwise((channels, a, b, c))]
+        back = [nn.ConvTranspose2d(i, o, KERNEL, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))]
+        if depthwise:
+            down[1:] = [nn.Sequential(nn.Conv2d(i, i, KERNEL, **side, groups=i), nn.Conv2d(i, o, 1))
+                        for i, o in ((a, b), (b, c))]  # fmt: skip
+            back[:2] = [nn.Sequential(nn.Conv2d(i, o, 1), nn.ConvTranspose2d(o, o, KERNEL, **up, groups=o))
+                        for i, o in ((c, b), (2 * b, a))]  # fmt: skip
+        self.down, self.up = nn.ModuleList(down), nn.ModuleList(back)
+        for layer in self.modules():
+            if hasattr(layer, "weight"):
+                nn.init.kaiming_normal_(layer.weight)
+                nn.init.zeros_(layer.bias)
         # rare pixels: start at the prior, or cross-entropy spends its first epochs learning it
         nn.init.constant_(self.up[-1].bias, float(np.log(prior / (1 - prior))))
+
+    @classmethod
+    def shaped_as(cls, tensors, channels: int) -> FilterNet:
+        """An untrained network of the widths that the tensors of a state dict have."""
+        widths = [next(len(tensors[n]) for n in (f"down.{k}.1.weight", f"down.{k}.weight") if n in tensors)
+                  for k in range(len(WIDTHS))]  # fmt: skip
+        return cls(channels, widths=widths, depthwise="down.1.1.weight" in tensors)
 
     def forward(self, x):
         height, width = x.shape[-2:]

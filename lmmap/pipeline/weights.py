@@ -55,8 +55,9 @@ def shipped_gaps() -> list[str]:
     return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
 
 
-def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
-    """The float32 tensors of a weight file; `InputError` if it is absent, damaged or of another shape."""
+def load_filter(path, modality: str) -> FilterNet:
+    """The network of a weight file, of whatever width; `InputError` if it is absent, damaged or of another
+    architecture."""
     path = Path(path)
     if not path.parent.is_dir():
         sets = ", ".join(shipped_gaps())
@@ -78,23 +79,18 @@ def load_weights(path, modality: str) -> dict[str, torch.Tensor]:
         raise InputError(f"{path}: no readable weights ({reason}); restore it or run 'make train'") from None
     if actual != expected:
         raise InputError(f"{path}: its hash differs from its card's; fetch the file again")
-    shapes = {k: v.shape for k, v in FilterNet(CHANNELS[modality]).state_dict().items()}
-    if {k: v.shape for k, v in tensors.items()} != shapes:
-        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet")
+    try:
+        net = FilterNet.shaped_as(tensors, CHANNELS[modality])
+        net.load_state_dict(tensors)
+    except (RuntimeError, StopIteration, TypeError, ValueError, ArithmeticError):
+        raise InputError(f"{path}: weights of another architecture, not a {modality} FilterNet") from None
     if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
         raise InputError(f"{path}: weights that are not finite; restore it or run 'make train'")
-    return tensors
-
-
-def load_filter(path, modality: str) -> FilterNet:
-    """The network of a weight file; errors as `load_weights`."""
-    net = FilterNet(CHANNELS[modality])
-    net.load_state_dict(load_weights(path, modality))
     return net
 
 
 def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
-    """A filter from its weight file; errors as `load_weights`."""
+    """A filter from its weight file; errors as `load_filter`."""
     return MaskNetwork(load_filter(path, modality), modality, precision)
 
 
@@ -111,5 +107,5 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
 
 
 def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
-    """The networks of the ring and of the reflectors by `network_paths`; errors as `load_weights`."""
+    """The networks of the ring and of the reflectors by `network_paths`; errors as `load_filter`."""
     return [load_network(path, modality, precision) for path in network_paths(weights, modality)]

@@ -2,7 +2,8 @@
 
 ``varied-N`` is a sequence whose port, panel, paint, lamps, backdrop, lens and event sensor are each drawn at
 random from wide ranges (domain randomization, Tobin et al. 2017).  Motion and kind of light are those of the
-laboratory's own sequences.  High light has half of them, for it is the hard one.
+laboratory's own sequences.  High light has half of them, for it is the hard one.  ``printed-N`` is one in
+high light whose cover is printed, of any gloss.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from lmmap.types import Camera, Port, Pose, Recording
 from . import cad, laboratory, optics, renderer, sequences, skins
 from .event_sensor import SensorSettings
 
-NAME = re.compile(r"varied-(\d+)")
-FIRST = 60000  # number of the laboratory's sequence whose motion and light ``varied-0`` has
+NAME = re.compile(r"(varied|printed)-(\d+)")
+# number of the laboratory's sequence whose motion and light ``varied-0`` and ``printed-0`` have
+FIRST, FIRST_PRINTED = 60_000, 70_000
 LEVELS = ("low", "medium", "high")  # of the laboratory's training sequences, by their number modulo 3
 LIGHTS = ("low", "medium", "high", "high")  # of varied-N, by N modulo 4
 SECONDS = {"low": 0.7, "medium": 0.7, "high": 0.4}  # length: in high light many events come early
@@ -33,8 +35,10 @@ def light_of(number: int) -> str:
 
 
 def base_sequence(name: str) -> laboratory.Sequence:
-    """The laboratory's sequence whose motion and kind of light ``varied-N`` has; nothing else uses it."""
-    number = int(NAME.fullmatch(name)[1])
+    """The laboratory's sequence whose motion and kind of light a varied one has; nothing else uses it."""
+    which, number = NAME.fullmatch(name)[1], int(NAME.fullmatch(name)[2])
+    if which == "printed":
+        return laboratory.sequence(f"augmented-{FIRST_PRINTED + 3 * number + LEVELS.index('high')}")
     kind = "augmented" if number // len(LIGHTS) % 3 == 0 else "realistic"
     light = light_of(number)
     return laboratory.sequence(f"{kind}-{FIRST + 3 * number + LEVELS.index(light)}")
@@ -44,7 +48,8 @@ def record_varied(name: str) -> Recording:
     """A short recording of the port `draw_port` in the laboratory of this name."""
     seq = base_sequence(name)
     rng = seq.rng("varied")
-    setup = sequences.Setup(panel, lamps, backdrop, PaintedPort.draw(rng), rng.uniform(0.4, 1.1))
+    cover = printed_panel if name.startswith("printed") else panel
+    setup = sequences.Setup(cover, lamps, backdrop, PaintedPort.draw(rng), rng.uniform(0.4, 1.1))
     return sequences.simulate(
         seq.name, SECONDS[seq.light], sensor=draw_sensor(rng), setup=setup, port=draw_port(seq)
     )
@@ -110,6 +115,16 @@ def panel(seq, port: Port):
         row, column = rng.integers(0, shape - size)
         _coat(skin[row : row + size[0], column : column + size[1]], rng)
     return cad.solid(port, centre_m), skin
+
+
+def printed_panel(seq, port: Port):
+    """The port on a printed cover, from matt paper to lacquer and metal, flat or wavy."""
+    rng = seq.rng("printed panel")
+    skin = skins.textured_cover(port.panel_size_m, rng)
+    skin[..., skins.SPECULAR] = _log_uniform(rng, 0.03, 0.7) * _hue(rng, 0.6)
+    skin[..., skins.ROUGHNESS] = _log_uniform(rng, 0.05, 0.6)
+    skin[..., skins.SLOPE] *= rng.uniform(0, 4)
+    return cad.solid(port, rng.uniform(-1, 1, 2) * [0.10, 0.05]), skin
 
 
 def _coat(skin, rng) -> None:

@@ -45,3 +45,12 @@ def resume(path, net, adam, recipe) -> tuple[int, list]:
             state["state"].setdefault(int(i), {})[name] = v
     adam.load_state_dict(state)
     return int(facts["step"]), json.loads(facts["curve"])
+
+
+def saved_step(path, recipe) -> int:
+    """The next step of a checkpoint of this recipe; 0 without one."""
+    if not path.exists():
+        return 0
+    with safe_open(path, "pt") as file:
+        facts = file.metadata()
+    return int(facts["step"]) if facts["recipe"] == json.dumps(asdict(recipe)) else 0

@@ -25,7 +25,7 @@ from ..bench.renderer import ray_grid
 from ..provenance import fingerprint, source_files
 
 AUGMENTED, REALISTIC, VARIED = 240, 120, 400  # numbers of sequences
-MORE_HIGH = 180  # further varied sequences, all in high light
+MORE_HIGH, PRINTED = 180, 180  # further ones, all in high light: varied, and on printed covers
 SEQUENCE_SECONDS, SAMPLES = 0.8, 5
 VARIED_SAMPLES = 4  # of a varied sequence, which is shorter
 EXCERPT_EVERY_S = 4.0  # one excerpt of a long recording in this time, as neighbouring views are nearly equal
@@ -38,8 +38,10 @@ _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
 _IN_HIGH = [f"varied-{i}" for i in range(VARIED, VARIED + 2 * MORE_HIGH) if varied.light_of(i) == "high"]
 SETS = {
     "high": _AUGMENTED, "low": _ALL,
-    "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH],
+    "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH,
+               *(f"printed-{i}" for i in range(PRINTED))],
 }  # fmt: skip
+SETS["light"] = SETS["robust"]
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:

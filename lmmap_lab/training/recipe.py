@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, weight_path
+from lmmap.pipeline.network import CHANNELS, WIDTHS
+from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.types import InputError
 
 # Of the shipped weights.  The paper's two sets have equal trainings, so that they can be compared.
-STEPS = {"high": 30_000, "low": 30_000, "robust": 50_000}
-RATE = {"high": 1e-3, "low": 1e-3, "robust": 3e-3}
-START_FROM = {"high": "", "low": "", "robust": "low"}
+SHIPPED = {
+    "high": {"steps": 30_000, "rate": 1e-3},
+    "low": {"steps": 30_000, "rate": 1e-3},
+    "robust": {"steps": 50_000, "rate": 3e-3, "start_from": "low"},
+    "light": {"steps": 50_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
+}
 FAST = 1e-2  # a rate with which a filter learns several times faster from chance than with 1e-3
 
 
@@ -30,10 +33,13 @@ class Recipe:
     rate: float = 1e-3
     warm_up: int = 100
     start_from: str = ""  # begin with the weights of this domain gap
+    width: float = 1.0  # channels, as a share of the paper's
+    depthwise: bool = False  # convolutions of each channel alone, then across channels
+    teacher: str = ""  # learn from the masks of these weights as much as from the true ones
     data: str = ""  # name of a folder of recordings, in place of the bench
 
     def __post_init__(self):
-        named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", DOMAIN_GAPS))
+        named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", SHIPPED))
         for name, allowed in named:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
@@ -43,8 +49,17 @@ class Recipe:
     @classmethod
     def of_shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
         """The recipe of weights that ship, with what is to be another."""
-        shipped = {"steps": STEPS[domain_gap], "rate": RATE[domain_gap], "start_from": START_FROM[domain_gap]}
-        return cls(name, modality, domain_gap, **{**shipped, **changes})
+        return cls(name, modality, domain_gap, **{**SHIPPED[domain_gap], **changes})
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Channels after each convolution."""
+        return tuple(round(self.width * w) for w in WIDTHS)
+
+    @property
+    def robust(self) -> bool:
+        """Whether it learns from the varied laboratories, and from varied images."""
+        return self.domain_gap in ("robust", "light")
 
     @property
     def name(self) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,13 @@ import torch
 from torch.nn import functional as F
 
 from lmmap.files import tune_allocator
-from lmmap.pipeline.network import CHANNELS, FilterNet, encode
-from lmmap.pipeline.weights import load_card, load_weights, save_weights, weight_path
+from lmmap.pipeline.network import CHANNELS, encode
+from lmmap.pipeline.weights import load_card, save_weights, weight_path
 from lmmap.settings import PAPER
 
-from ..provenance import commit
 from . import augment, dataset
 from .checkpoint import resume, save_checkpoint
+from .learning import card_of, half_precision, learning_rate, shipped, taught, teacher_of, untrained
 from .recipe import Recipe
 
 CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
@@ -45,11 +44,10 @@ def make_batch(samples: dataset.Samples, recipe: Recipe, step: int):
 
 def _crop(samples, recipe, rng):
     """One varied crop and its mask."""
-    robust = recipe.domain_gap == "robust"
     index, size = rng.integers(len(samples)), recipe.crop_px
     mask, other = samples.mask(index), rng.integers(len(samples))
     events = PAPER.events_per_window
-    if robust:
+    if recipe.robust:
         events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
     corner = rng.integers(0, np.array(mask.shape) - size + 1)
     positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
@@ -59,20 +57,13 @@ def _crop(samples, recipe, rng):
     window = tuple(slice(a, a + size) for a in corner)
     image = samples.image(index, events)[window].astype(np.float32)
     image, mask = augment.flip([image, mask[window]], rng)
-    if not robust:
+    if not recipe.robust:
         return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
     cover = samples.image(other, events)[window].astype(np.float32)
     if samples.mask(other)[window].any():
         cover = np.zeros_like(image)  # something plain and dark instead
     vary = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
     return vary(image, mask, cover, rng)
-
-
-def half_precision(device: torch.device):
-    """Autocast to bfloat16 on a GPU, and on processors with AVX-512; others emulate it, eight times slower
-    than float32."""
-    fast = device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
-    return torch.autocast(device.type, torch.bfloat16, enabled=fast)
 
 
 @torch.inference_mode()
@@ -95,7 +86,7 @@ def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDAT
 
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
           every: int | None = None,
-          network: Callable[[int, float], torch.nn.Module] = FilterNet,
+          network: Callable[[int, float], torch.nn.Module] | None = None,
           validation_images: int = VALIDATION_IMAGES) -> Path:  # fmt: skip
     """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
 
@@ -110,8 +101,8 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     every
         Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
     network
-        Makes the network from its input channels and the share of positive pixels.  It takes images
-        (N, C, H, W) and returns logits (N, 1, H, W).
+        Makes the network from its input channels and the share of positive pixels; default: a `FilterNet`.
+        It takes images (N, C, H, W) and returns logits (N, 1, H, W).
     validation_images
         Held-out images of the last check.
     """
@@ -120,15 +111,14 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     samples, held_out = (dataset.Samples(part, recipe.filter, recipe.modality, folder)
                          for part in dataset.split(names))  # fmt: skip
     prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
-    torch.manual_seed(recipe.seed)
     tune_allocator()
-    net = network(CHANNELS[recipe.modality], prior)
-    run = recipe.name + (f"-{network.__name__}" if network is not FilterNet else "")
-    if recipe.start_from:
-        first = weight_path(recipe.filter, recipe.modality, recipe.start_from)
-        net.load_state_dict(load_weights(first, recipe.modality))
-        run += f"-from-{load_card(first)['sha256'][:8]}"  # another start is another run
-    net = net.to(device, memory_format=torch.channels_last)
+    net, run = untrained(recipe, prior), recipe.name
+    if network:
+        torch.manual_seed(recipe.seed)
+        net, run = network(CHANNELS[recipe.modality], prior), f"{run}-{network.__name__}"
+    if recipe.start_from:  # another start is another run
+        run += f"-from-{load_card(shipped(recipe, recipe.start_from))['sha256'][:8]}"
+    net, teacher = net.to(device, memory_format=torch.channels_last), teacher_of(recipe, device)
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
     start, curve = resume(checkpoint, net, adam, recipe)
@@ -136,7 +126,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     start_s, losses = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
-            losses.append(_step(net, adam, make_batch(samples, recipe, step), recipe, step))
+            losses.append(_step(net, adam, teacher, make_batch(samples, recipe, step), recipe, step))
             last = step + 1 == recipe.steps
             if last or (step + 1) % every == 0:
                 fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
@@ -149,29 +139,23 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
                     recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
                 losses = []
     path.parent.mkdir(parents=True, exist_ok=True)
-    card = {"command": recipe.command, "recipe": asdict(recipe), "commit": commit(),
-            "bench": samples.made_of(), "prior": round(prior, 6),
-            "training_sequences": samples.names, "validation_sequences": held_out.names,
-            "training_images": len(samples), "validation_images": len(held_out),
-            "device": device, "threads": torch.get_num_threads(), "torch": torch.__version__,
-            "curve": curve}  # fmt: skip
-    if network is not FilterNet:
+    card = card_of(recipe, samples, held_out, prior, device, curve)
+    if network:
         card["network"] = network.__name__
     save_weights(net, path, card)
     return path
 
 
-def _step(net, adam, pair, recipe, step) -> float:
+def _step(net, adam, teacher, pair, recipe, step) -> float:
     """Take one step of Adam; returns its loss."""
     net.train()
     for group in adam.param_groups:
-        warm_up = min((step + 1) / recipe.warm_up, 1)
-        group["lr"] = recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
+        group["lr"] = learning_rate(recipe, step)
     device = next(net.parameters()).device
     x = pair[0].to(device, memory_format=torch.channels_last)
     with half_precision(device):
-        logits = net(x)
-    loss = F.binary_cross_entropy_with_logits(logits.float(), pair[1].to(device))
+        logits, target = net(x), taught(teacher, x, pair[1].to(device))
+    loss = F.binary_cross_entropy_with_logits(logits.float(), target)
     adam.zero_grad()
     loss.backward()
     adam.step()

@@ -1,0 +1,66 @@
+"""Trains the filters of several widths, with and without distillation, on the same crops at once.
+
+    python tuning/train_widths.py -o FOLDER [--steps N] [--workers N]
+
+All learn from *robust*'s sequences, from chance, with equal steps.  A *taught* one learns from the masks of the
+shipped *robust* filters as much as from the true ones.  Beside them, the *robust* filters are trained again on
+these sequences, once from *low* and once further from *robust* (``-again`` and ``-further``).  On a GPU and 16
+cores all of it takes a quarter of an hour; without one it takes days, and a single filter is trained sooner by
+``lmmap train``.  An interrupted run goes on from its checkpoints.
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import product
+from pathlib import Path
+
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import FILTERS
+from lmmap_lab.provenance import DERIVED_DATA
+from lmmap_lab.training.recipe import Recipe
+from lmmap_lab.training.together import train_together
+
+SIZES = {"1": {"width": 1.0}, "2": {"width": 1 / 2}, "4": {"width": 1 / 4}, "8": {"width": 1 / 8},
+         "depthwise": {"depthwise": True}}  # fmt: skip
+AGAIN_SEEDS = ("2", "4")  # of which a second seed is trained, too: about where the knee is
+FURTHER_RATE = 1e-3  # with which *robust* goes on: it has learned at 3e-3
+
+
+def recipes(steps: int, filters=FILTERS, modalities=CHANNELS) -> dict[str, Recipe]:
+    """All trainings by the names of their weights."""
+    found = {}
+    for name, modality in product(filters, modalities):
+        kind = f"{name}-{modality}"
+        for size, change in SIZES.items():
+            same = {"width": 1.0, "steps": steps} | change
+            found[f"{kind}-{size}"] = Recipe.of_shipped(name, modality, "light", **same, teacher="")
+            if size != "1":
+                found[f"{kind}-{size}-taught"] = Recipe.of_shipped(name, modality, "light", **same)
+            if size in AGAIN_SEEDS:
+                found[f"{kind}-{size}-taught-seed1"] = Recipe.of_shipped(
+                    name, modality, "light", **same, seed=1
+                )
+        for label, change in (("again", {}), ("further", {"start_from": "robust", "rate": FURTHER_RATE})):
+            found[f"{kind}-{label}"] = Recipe.of_shipped(name, modality, "light", width=1.0, teacher="",
+                                                         **{"steps": steps, "start_from": "low"} | change)  # fmt: skip
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for weights and checkpoints")
+    parser.add_argument("--samples", type=Path, default=DERIVED_DATA / "training", help="the training set")
+    parser.add_argument("--steps", type=int, default=50_000, help="of each filter (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=1, help="processes that make crops, for each kind")
+    parser.add_argument("--filter", choices=FILTERS, action="append", help="one of the two (default: both)")
+    parser.add_argument("--modality", choices=CHANNELS, action="append", help="one camera (default: both)")
+    a = parser.parse_args()
+    wanted = recipes(a.steps, a.filter or FILTERS, a.modality or CHANNELS)
+    train_together(wanted, a.samples, a.output, lambda line: print(line, flush=True), workers=a.workers)
+
+
+if __name__ == "__main__":
+    main()
