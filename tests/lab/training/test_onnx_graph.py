@@ -4,7 +4,6 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from torch import nn
 
 from lmmap.pipeline.network import CHANNELS, FilterNet, MaskNetwork
 from lmmap.pipeline.weights import WEIGHTS, load_filter
@@ -44,25 +43,12 @@ def test_shipped_masks_are_equal_on_odd_sizes(path, rng):
     check(load_filter(path, modality), modality, rng)
 
 
-def narrow(a, b, c):
-    torch.manual_seed(0)
-    net, up = FilterNet(1), {"stride": 2, "padding": 1, "output_padding": 1}
-    net.down = nn.ModuleList(nn.Conv2d(i, o, 3, padding=1) for i, o in ((1, a), (a, b), (b, c)))
-    layers = ((c, b), (2 * b, a), (2 * a, 1))
-    net.up = nn.ModuleList(nn.ConvTranspose2d(i, o, 3, **up) for i, o in layers)
-    return net
-
-
 def test_networks_of_other_widths(rng):
-    check(narrow(5, 7, 4), "event", rng)
+    check(FilterNet(1, widths=(5, 7, 4)), "event", rng)
 
 
 def test_networks_whose_convolutions_are_split(rng):
-    """Each channel alone, then across channels, as in MobileNet."""
-    net, up = narrow(4, 6, 8), {"stride": 2, "padding": 1, "output_padding": 1}
-    net.down[1] = nn.Sequential(nn.Conv2d(4, 4, 3, padding=1, groups=4), nn.Conv2d(4, 6, 1))
-    net.up[0] = nn.Sequential(nn.Conv2d(8, 6, 1), nn.ConvTranspose2d(6, 6, 3, groups=6, **up))
-    check(net, "event", rng)
+    check(FilterNet(1, widths=(4, 6, 8), depthwise=True), "event", rng)
 
 
 @pytest.mark.parametrize("modality", CHANNELS)

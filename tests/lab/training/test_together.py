@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import toy_training
 import torch
+import toy_training
 
 from lmmap.pipeline import network, weights
 from lmmap_lab.training import dataset, together, train
