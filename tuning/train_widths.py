@@ -2,11 +2,10 @@
 
     python tuning/train_widths.py -o FOLDER [--steps N] [--workers N]
 
-All learn from *robust*'s sequences, from chance, with equal steps.  A *taught* one learns from the masks of the
-shipped *robust* filters as much as from the true ones.  Beside them, the *robust* filters are trained again on
-these sequences, once from *low* and once further from *robust* (``-again`` and ``-further``).  On a GPU and 16
-cores all of it takes a quarter of an hour; without one it takes days, and a single filter is trained sooner by
-``lmmap train``.  An interrupted run goes on from its checkpoints.
+All learn from *robust*'s sequences, from chance, with equal steps.  A *taught* one learns from the masks of
+the shipped *robust* filters as much as from the true ones.  Beside them, the *robust* filters are trained
+further (``-further``).  On a GPU and 16 cores all of it takes a quarter of an hour; without one, days, and a
+single filter is trained sooner by ``lmmap train``.  An interrupted run goes on from its checkpoints.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ AGAIN_SEEDS = ("2", "4")  # of which a second seed is trained, too: about where 
 FURTHER_RATE = 1e-3  # with which *robust* goes on: it has learned at 3e-3
 
 
-def recipes(steps: int, filters=FILTERS, modalities=CHANNELS) -> dict[str, Recipe]:
+def recipes(steps: int, filters=FILTERS, modalities=tuple(CHANNELS)) -> dict[str, Recipe]:
     """All trainings by the names of their weights."""
     found = {}
     for name, modality in product(filters, modalities):
@@ -41,9 +40,8 @@ def recipes(steps: int, filters=FILTERS, modalities=CHANNELS) -> dict[str, Recip
                 found[f"{kind}-{size}-taught-seed1"] = Recipe.of_shipped(
                     name, modality, "light", **same, seed=1
                 )
-        for label, change in (("again", {}), ("further", {"start_from": "robust", "rate": FURTHER_RATE})):
-            found[f"{kind}-{label}"] = Recipe.of_shipped(name, modality, "light", width=1.0, teacher="",
-                                                         **{"steps": steps, "start_from": "low"} | change)  # fmt: skip
+        further = {"steps": steps, "start_from": "robust", "rate": FURTHER_RATE}
+        found[f"{kind}-further"] = Recipe.of_shipped(name, modality, "robust", **further)
     return found
 
 
@@ -53,7 +51,7 @@ def main() -> None:
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for weights and checkpoints")
     parser.add_argument("--samples", type=Path, default=DERIVED_DATA / "training", help="the training set")
-    parser.add_argument("--steps", type=int, default=50_000, help="of each filter (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=40_000, help="of each filter (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=1, help="processes that make crops, for each kind")
     parser.add_argument("--filter", choices=FILTERS, action="append", help="one of the two (default: both)")
     parser.add_argument("--modality", choices=CHANNELS, action="append", help="one camera (default: both)")

@@ -131,10 +131,10 @@ def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
 def make() -> None:
     """All images with their masks, one recording a process in memory."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    absent = [name for name in SEQUENCES if not _path(name).exists()]
-    _in_parallel(lambda name: _save(_path(name), _arrays(recorded(name))), absent, "images")
+    absent = [name for name in SEQUENCES if not path_of(name).exists()]
+    _in_parallel(lambda name: _save(path_of(name), _arrays(recorded(name))), absent, "images")
     jobs = [(name, w) for place, names in SETS.items() for name in names for w in WEIGHTS[place]]
-    _in_parallel(lambda job: _save_masks(*job), [job for job in jobs if not _path(*job).exists()], "masks")
+    _in_parallel(lambda job: _save_masks(*job), [job for job in jobs if not path_of(*job).exists()], "masks")
 
 
 def _in_parallel(function, arguments: list, what: str) -> None:
@@ -147,13 +147,13 @@ def _save_masks(name: str, weights: str) -> None:
     """The masks that both networks make of each image, (N, 2, 2, H, W): of the image, and with its turn."""
     torch.set_num_threads(1)
     masks = {}
-    with np.load(_path(name)) as images:
+    with np.load(path_of(name)) as images:
         for kind in KINDS:
             networks = load_networks(weights, kind.split()[0])
             ways = networks, [TurnedToo(network) for network in networks]
             of_each = [[[f(image) for f in way] for way in ways] for image in images[kind]]
             masks[kind] = np.array(of_each, np.float16)
-    _save(_path(name, weights), masks)
+    _save(path_of(name, weights), masks)
 
 
 def _arrays(recording: Recording) -> dict[str, np.ndarray]:
@@ -174,7 +174,8 @@ def _save(path, arrays: dict[str, np.ndarray]) -> None:
     temporary.rename(path)
 
 
-def _path(name: str, weights: str = "images"):
+def path_of(name: str, weights: str = "images"):
+    """Where the images of a sequence are kept, or the masks that a set of filters makes of them."""
     return FOLDER / f"{name}-{weights}.npz"
 
 
@@ -182,7 +183,7 @@ def cases(set_name: str, modality: str, weights: str) -> Iterator[Case]:
     """What `make` has kept of a set."""
     kinds = [kind for kind in KINDS if kind.startswith(modality)]
     for name, light in SETS[set_name].items():
-        with np.load(_path(name)) as data, np.load(_path(name, weights)) as masks:
+        with np.load(path_of(name)) as data, np.load(path_of(name, weights)) as masks:
             parts = [[data[kind], masks[kind].astype(np.float32), data[f"{kind} rotation"],
                       data[f"{kind} position_m"]] for kind in kinds]  # fmt: skip
         for i in range(len(parts[0][0])):

@@ -65,7 +65,7 @@ class Learner:
 
 
 class Kind:
-    """The filters that learn from the same crops."""
+    """The filters that learn from the same crops: those of the first one's seed."""
 
     def __init__(self, recipes: dict[str, Recipe], folder: Path, out: Path, workers: int):
         self.recipe, self._recipes, self._out = next(iter(recipes.values())), recipes, out
@@ -159,7 +159,7 @@ def train_together(recipes: dict[str, Recipe], folder: Path, out: Path, report=p
     ----------
     recipes : by the name that the weights get; all have equal steps, batches and crops
     folder, out : of the training set, which is made where it is absent, and for weights and checkpoints
-    workers : processes that make crops, for each kind of filter and seed
+    workers : processes that make crops, for each kind of filter; seeds see the same crops
     """
     out.mkdir(parents=True, exist_ok=True)
     recipes = {k: r for k, r in recipes.items() if not (out / f"{k}.safetensors").exists()}
@@ -167,7 +167,7 @@ def train_together(recipes: dict[str, Recipe], folder: Path, out: Path, report=p
         raise ValueError("train_together: recipes of equal steps, batches and crops are expected")
     groups = {}
     for label, r in recipes.items():
-        groups.setdefault((r.filter, r.modality, r.domain_gap, r.seed), {})[label] = r
+        groups.setdefault((r.filter, r.modality, r.robust), {})[label] = r
     for gap in {r.domain_gap for r in recipes.values()}:
         dataset.make_samples(dataset.SETS[gap], folder, report=report)
     kinds = [Kind(group, folder, out, workers) for group in groups.values()]
