@@ -51,11 +51,8 @@ def judged(pattern: str, modality: str, place: str) -> list[dict]:
     """A row for each image of a set of sequences: overlaps of both masks, and what the pose is."""
     torch.set_num_threads(1)
     networks = [load_network(pattern.format(name, modality), modality, "float32") for name in FILTERS]
-    estimator, rays, rows = (
-        Estimator(wrong_poses.CAMERA, wrong_poses.PORT, modality, tuple(networks)),
-        None,
-        [],
-    )
+    estimator = Estimator(wrong_poses.CAMERA, wrong_poses.PORT, modality, tuple(networks))
+    rays, rows = ray_grid(wrong_poses.CAMERA, 4), []
     kinds = [kind for kind in wrong_poses.KINDS if kind.startswith(modality)]
     for name, light in wrong_poses.SETS[place].items():
         with np.load(wrong_poses.path_of(name)) as data:
