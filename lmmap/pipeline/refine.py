@@ -53,9 +53,8 @@ def on_masks(fit: YawFit, ring: Contour, reflectors: np.ndarray, port: Port, cam
     the ring alone; and the ring's distance from head-on, in standard deviations."""
     known = ring_uncertainty(fit.T_cam_port, ring, fit.sigma_rad, port, camera, modality, settings)
     if settings.refine_jointly and fit.yaw_margin >= settings.min_yaw_margin:
-        both = joint.refine(fit.T_cam_port, ring.points_px, reflectors, port, camera,
-                            sigma_px(ring, modality, settings), settings.marker_sigma_px[modality],
-                            settings)  # fmt: skip
+        both = joint.refine(fit.T_cam_port, ring_edges(ring, port, modality, settings), reflectors, port, camera,
+                            settings.marker_sigma_px[modality], settings.ring_growth_px[modality], settings)
         if both is not None:
             covariance = joint.inflate(both.covariance, fit.score, settings.joint_inflation[modality])
             return both.T_cam_port, covariance, known.tilt_sigmas
@@ -72,5 +71,18 @@ def ring_uncertainty(T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float, port
 
 def sigma_px(ring: Contour, modality: str, settings: Settings = OURS) -> float:
     """Standard deviation of a contour's point, as if all were independent: as 1 / score of the mask."""
-    scatter_px = max(ring.sigma_px, settings.min_sigma_px) * np.sqrt(settings.ring_inflation[modality])
-    return scatter_px / max(ring.score, settings.min_ring_score)
+    return _inflated(ring.sigma_px, ring.score, modality, settings)
+
+
+def ring_edges(ring: Contour, port: Port, modality: str, settings: Settings = OURS) -> list[joint.RingEdge]:
+    """The ring's edges as circles of their own radii; its middle where they are not known apart."""
+    seen = [(edge.points_px, edge.sigma_px) for edge in ring.edges] or [(ring.points_px, ring.sigma_px)]
+    radii_m = (port.ring_inner_radius_m, port.ring_outer_radius_m) if ring.edges else (port.ring_radius_m,)
+    sides = (-1, 1) if ring.edges else (0,)
+    return [joint.RingEdge(points, _inflated(scatter, ring.score, modality, settings), radius, side)
+            for (points, scatter), radius, side in zip(seen, radii_m, sides, strict=True)]
+
+
+def _inflated(scatter_px: float, score: float, modality: str, settings: Settings) -> float:
+    scatter_px = max(scatter_px, settings.min_sigma_px) * np.sqrt(settings.ring_inflation[modality])
+    return scatter_px / max(score, settings.min_ring_score)

@@ -6,7 +6,7 @@ because distortion bends it into something else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -19,27 +19,38 @@ from ..types import Camera, Ellipse
 
 
 @dataclass(frozen=True)
+class Edge:
+    """Points (M, 2) of one edge of the ring, undistorted, and their standard deviation about its ellipse."""
+
+    points_px: np.ndarray
+    sigma_px: float
+
+
+@dataclass(frozen=True)
 class Contour:
     """An ellipse and the points (M, 2) it was fitted to, both undistorted, with the points' standard
     deviation about it in pixels, the mask's mean along it, `score`, and the share of it that has points of
-    the ring."""
+    the ring; and the ring's two edges, inner and outer, where the mask shows them apart."""
 
     ellipse: Ellipse
     points_px: np.ndarray
     sigma_px: float
     score: float = 1.0
     arc_coverage: float = 0.0
+    edges: tuple[Edge, ...] = ()
 
 
 def trace(
     ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
     rounds: tuple[int, ...] = (2, 4),
 ) -> Contour | None:  # fmt: skip
-    """Middle of a soft mask's stroke, started from a nearby ellipse; None where there is no stroke.
+    """The two edges of a soft mask's stroke and the middle between them, started from a nearby ellipse; None
+    where there is no stroke.
 
-    Samples the mask along rays from the ellipse's centre, takes each profile's centroid and refits, as often
-    as there are ``rounds``.  Rays without a stroke, cut by the strip's edge, or with a width unlike the
-    others' (a second blob, an occluder) don't count; with too few good rays there is no stroke.
+    Samples the mask along rays from the ellipse's centre, finds where each profile falls to half its height
+    on either side, and refits the ellipse to the middles, as often as there are ``rounds``.  What lies
+    beside the ring and is fainter than half of it moves neither edge.  Rays without a stroke or with a width
+    unlike the others' (a second blob, an occluder) don't count; with too few good rays there is no stroke.
 
     The middle of an annulus' image is not exactly the image of its centre line.  Along rays, an affine
     camera would make it so; perspective leaves at most 0.05 deg and 0.12 mm from 0.3 m on (along the
@@ -62,10 +73,10 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        weight = np.maximum(profile - settings.contour_floor, 0)
-        mass = weight.sum(1)
-        width = mass / radius[:, 0]  # an annulus is as wide along every ray, in units of the radius
-        good = (mass > 0) & (weight[:, 0] == 0) & (weight[:, -1] == 0)
+        inner, outer = (offsets[-1] - 0.5 * _half_height(profile[:, ::-1], settings.contour_floor),
+                        offsets[0] + 0.5 * _half_height(profile, settings.contour_floor))  # fmt: skip
+        width = (outer - inner) / radius[:, 0]  # an annulus is as wide along every ray, in radii
+        good = np.isfinite(width)
         if not good.any():
             return None
         typical = np.median(width[good])
@@ -73,9 +84,27 @@ def trace(
         good &= (width > narrow * typical) & (width < wide * typical)
         if good.mean() < settings.contour_min_rays:
             return None
-        centroid = (weight[good] @ offsets / mass[good])[:, None]
-        ellipse, inlier, sigma_px = _fit_robust(points[good] + centroid * rays[good], ellipse, fits)
-    return Contour(ellipse, (points[good] + centroid * rays[good])[inlier], sigma_px)
+        inner, outer = (points[good] + end[good, None] * rays[good] for end in (inner, outer))
+        middle = (inner + outer) / 2
+        ellipse, inlier, sigma_px = _fit_robust(middle, ellipse, fits)
+    edges = []
+    for seen, side in ((inner, -1), (outer, 1)):
+        near = replace(ellipse, semi_axes_px=ellipse.semi_axes_px * (1 + side * typical / 2))
+        _, own, scatter_px = _fit_robust(seen, near, rounds[0])
+        edges.append(Edge(seen[own], scatter_px))
+    return Contour(ellipse, middle[inlier], sigma_px, edges=tuple(edges))
+
+
+def _half_height(profile, floor: float) -> np.ndarray:
+    """Where profiles (N, K) fall to half their maximum after it, (N,) in steps; NaN where they do not, or
+    where the half is below the floor."""
+    row, peak = np.arange(len(profile)), profile.max(1)
+    above = profile - peak[:, None] / 2
+    falls = (above < 0) & (np.arange(profile.shape[1]) > above.argmax(1)[:, None])
+    k = falls.argmax(1)
+    before, after = above[row, k - 1], above[row, k]
+    seen = falls.any(1) & (peak > 2 * floor)
+    return np.where(seen, k - 1 + before / np.where(seen, before - after, 1), np.nan)
 
 
 def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:

@@ -6,8 +6,10 @@ so a turn shifts them against the ring: their edges add what the ring lacks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,6 +27,16 @@ _SHIFTS_M = np.vstack([np.zeros(3), STEPS[:, :3]])
 _TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
 
+class RingEdge(NamedTuple):
+    """Points (M, 2) of an edge of the ring, undistorted, and their standard deviation; the circle's radius,
+    and its side: -1 of the inner edge, 1 of the outer one, 0 of a middle line."""
+
+    points_px: np.ndarray
+    sigma_px: float
+    radius_m: float
+    side: int
+
+
 @dataclass(frozen=True)
 class JointFit:
     """Refined pose with its covariance (6, 6) (conventions of `uncertainty`), and how many marker edge
@@ -37,29 +49,27 @@ class JointFit:
 
 def refine(
     T_cam_port: Pose,
-    ring_points_px,
+    ring: Sequence[RingEdge],
     reflector_mask,
     port: Port,
     camera: Camera,
-    ring_sigma_px: float,
     marker_sigma_px: float,
+    ring_growth_px: float,
     settings: Settings = OURS,
 ) -> JointFit | None:
-    """Gauss-Newton on the ring's contour points (M, 2), undistorted, and the markers' edge points, each in
-    units of its own standard deviation; None where too few edges are seen to add anything.
+    """Gauss-Newton on the ring's edges and the markers' edge points, each in units of its own standard
+    deviation; None where too few edges of markers are seen to add anything.
 
-    Edges are measured across the projected sides of the markers, with Tukey's weights.  How far the mask
-    is wider or narrower than the markers on all sides alike is a seventh unknown.
+    Edges are measured across the projected sides of the markers, with Tukey's weights.  How far a mask is
+    wider or narrower on all sides alike than the markers, and than the ring, are two more unknowns; the
+    second has a standard deviation, `ring_growth_px`.
     """
     mask = np.ascontiguousarray(reflector_mask, np.float32)
     sides_m = _side_points_m(port)
     T = T_cam_port
     for _ in range(settings.joint_rounds):
         steps = move_by_each_step(T)
-        theta = conic_coefficients(circle_conic(steps, port.ring_radius_m, camera))
-        distance = sampson_distance(theta, ring_points_px)  # (7, M)
-        J_ring = (distance[1:] - distance[0]).T / STEPS.diagonal() / ring_sigma_px
-        r_ring = distance[0] / ring_sigma_px
+        J_ring, r_ring = map(np.concatenate, zip(*(_ring_rows(steps, edge, camera) for edge in ring), strict=True))
 
         edges = _measure_edges(mask, T, sides_m, camera, settings)
         if edges is None:
@@ -67,18 +77,19 @@ def refine(
         points_m, normal, gap_px = edges
         seen = project(np.einsum("nij,kj->nki", steps.rotation, points_m) + steps.position_m[:, None], camera)
         shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
-        J_edge = np.column_stack([shift, np.ones(len(gap_px))]) / marker_sigma_px
+        J_edge = np.column_stack([shift, np.ones(len(gap_px)), np.zeros(len(gap_px))]) / marker_sigma_px
         centred = gap_px - np.median(gap_px)
         cut = 4.7 * max(1.48 * np.median(np.abs(centred)), 0.3)
         weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
 
         # Gauss-Newton: (J' W J) step = J' W r, solved with unit diagonal and a ridge of 1e-9
-        J = np.vstack([np.column_stack([J_ring, np.zeros(len(J_ring))]), J_edge])
+        J = np.vstack([J_ring, J_edge])
         r = np.concatenate([r_ring, -gap_px / marker_sigma_px])
         w = np.concatenate([np.ones(len(r_ring)), weight])
         normal_matrix = (J.T * w) @ J
+        normal_matrix[7, 7] += ring_growth_px**-2
         scale = np.sqrt(np.maximum(normal_matrix.diagonal(), 1e-12))
-        scaled = normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(7)
+        scaled = normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(8)
         step = np.linalg.solve(scaled, (J.T @ (w * r)) / scale) / scale
         T = move(T, -step[:6])
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
@@ -86,6 +97,15 @@ def refine(
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     sane = np.all(np.isfinite(T.position_m)) and T.normal @ T_cam_port.normal > 0.9
     return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
+
+
+def _ring_rows(steps: Pose, edge: RingEdge, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (M, 8) and residuals (M,) of an edge's points, in standard deviations."""
+    theta = conic_coefficients(circle_conic(steps, edge.radius_m, camera))
+    distance = sampson_distance(theta, edge.points_px)  # (7, M)
+    by_pose = (distance[1:] - distance[0]).T / STEPS.diagonal()
+    rest = np.broadcast_to([0.0, -edge.side], (len(by_pose), 2))
+    return np.column_stack([by_pose, rest]) / edge.sigma_px, distance[0] / edge.sigma_px
 
 
 def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.0) -> np.ndarray:
