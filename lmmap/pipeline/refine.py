@@ -76,7 +76,7 @@ def sigma_px(ring: Contour, modality: str, settings: Settings = OURS) -> float:
 
 def ring_edges(ring: Contour, port: Port, modality: str, settings: Settings = OURS) -> list[joint.RingEdge]:
     """The ring's edges as circles of their own radii; its middle where they are not known apart."""
-    seen = [(edge.points_px, edge.sigma_px) for edge in ring.edges] or [(ring.points_px, ring.sigma_px)]
+    seen = [(edge.points_px, edge.sigma_px) for edge in ring.edges] or [(ring.points_px, np.full(len(ring.points_px), ring.sigma_px))]
     radii_m = (port.ring_inner_radius_m, port.ring_outer_radius_m) if ring.edges else (port.ring_radius_m,)
     sides = (-1, 1) if ring.edges else (0,)
     return [joint.RingEdge(points, _inflated(scatter, ring.score, modality, settings), radius, side)
@@ -84,5 +84,5 @@ def ring_edges(ring: Contour, port: Port, modality: str, settings: Settings = OU
 
 
 def _inflated(scatter_px: float, score: float, modality: str, settings: Settings) -> float:
-    scatter_px = max(scatter_px, settings.min_sigma_px) * np.sqrt(settings.ring_inflation[modality])
+    scatter_px = np.maximum(scatter_px, settings.min_sigma_px) * np.sqrt(settings.ring_inflation[modality])
     return scatter_px / max(score, settings.min_ring_score)

@@ -6,7 +6,7 @@ because distortion bends it into something else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ from ..geometry.projection import distort_points
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse
 
+TUKEY = 4.7  # robust standard deviations beyond which a point counts for nothing
 
 @dataclass(frozen=True)
 class Edge:
@@ -42,7 +43,7 @@ class Contour:
 
 def trace(
     ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
-    rounds: tuple[int, ...] = (2, 4),
+    rounds: tuple[int, ...] = (2, 2),
 ) -> Contour | None:  # fmt: skip
     """The two edges of a soft mask's stroke and the middle between them, started from a nearby ellipse; None
     where there is no stroke.
@@ -73,8 +74,8 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        inner, outer = (offsets[-1] - 0.5 * _half_height(profile[:, ::-1], settings.contour_floor),
-                        offsets[0] + 0.5 * _half_height(profile, settings.contour_floor))  # fmt: skip
+        falls, slopes = zip(*(_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile)))
+        inner, outer = offsets[-1] - 0.5 * falls[0], offsets[0] + 0.5 * falls[1]
         width = (outer - inner) / radius[:, 0]  # an annulus is as wide along every ray, in radii
         good = np.isfinite(width)
         if not good.any():
@@ -84,15 +85,33 @@ def trace(
         good &= (width > narrow * typical) & (width < wide * typical)
         if good.mean() < settings.contour_min_rays:
             return None
-        inner, outer = (points[good] + end[good, None] * rays[good] for end in (inner, outer))
-        middle = (inner + outer) / 2
-        ellipse, inlier, sigma_px = _fit_robust(middle, ellipse, fits)
-    edges = []
-    for seen, side in ((inner, -1), (outer, 1)):
-        near = replace(ellipse, semi_axes_px=ellipse.semi_axes_px * (1 + side * typical / 2))
-        _, own, scatter_px = _fit_robust(seen, near, rounds[0])
-        edges.append(Edge(seen[own], scatter_px))
-    return Contour(ellipse, middle[inlier], sigma_px, edges=tuple(edges))
+        edges = [points[good] + end[good, None] * rays[good] for end in (inner, outer)]
+        sharp = [np.minimum(slope[good] / np.median(slope[good]), 1) ** 2 for slope in slopes]
+        before, middle = ellipse, sum(edges) / 2
+        ellipse, inlier, sigma_px = _fit_robust(middle, ellipse, fits, 2 / (1 / sharp[0] + 1 / sharp[1]))
+    turn = np.linspace(0, 2 * np.pi, len(points), endpoint=False)[good]
+    edges = tuple(_edge(seen, end[good] / radius[good, 0], sharp_, turn, before.semi_axes_px)
+                  for seen, end, sharp_ in zip(edges, (inner, outer), sharp, strict=True))  # fmt: skip
+    return Contour(ellipse, middle[inlier], sigma_px, edges=edges)
+
+
+def _edge(points_px, share, weight, turn_rad, semi_axes_px) -> Edge:
+    """Those of an edge's points (M, 2) that lie on an ellipse of its own, and how well.
+
+    ``share`` (M,) is how far beyond an ellipse they are, in its radii, at eccentric anomalies (M,).  Of an
+    ellipse near that one it is a sum of harmonics up to the second.
+    """
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    A = np.stack([np.ones_like(c), c, s, c * c - s * s, c * s], -1)
+    to_px = np.prod(semi_axes_px) / np.hypot(semi_axes_px[0] * s, semi_axes_px[1] * c)
+    own = np.ones(len(c), bool)
+    for _ in range(3):
+        w = weight * own
+        gap_px = (share - A @ np.linalg.solve((A.T * w) @ A + 1e-9 * np.eye(5), A.T @ (w * share))) * to_px
+        own = np.abs(gap_px) < TUKEY * max(1.48 * np.median(np.abs(gap_px)), 1e-9)
+    w = weight[own]
+    sigma_px = np.sqrt(np.sum(w * gap_px[own] ** 2) / max(w.sum() - 5, 1))
+    return Edge(points_px[own], sigma_px / np.sqrt(w))
 
 
 def _half_height(profile, floor: float) -> np.ndarray:
@@ -104,7 +123,8 @@ def _half_height(profile, floor: float) -> np.ndarray:
     k = falls.argmax(1)
     before, after = above[row, k - 1], above[row, k]
     seen = falls.any(1) & (peak > 2 * floor)
-    return np.where(seen, k - 1 + before / np.where(seen, before - after, 1), np.nan)
+    slope = np.where(seen, before - after, 1.0)
+    return np.where(seen, k - 1 + before / slope, np.nan), slope
 
 
 def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
@@ -127,14 +147,14 @@ def _normalise(points, ellipse: Ellipse):
     return x, conic_coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
 
 
-def _fit_robust(points, start: Ellipse, rounds: int) -> tuple[Ellipse, np.ndarray, float]:
-    """Sampson fit with Tukey's weights at 4.7 robust standard deviations, from a nearby ellipse; which
+def _fit_robust(points, start: Ellipse, rounds: int, weight=1.0) -> tuple[Ellipse, np.ndarray, float]:
+    """Sampson fit with Tukey's weights at `TUKEY` robust standard deviations, from a nearby ellipse; which
     points have a weight, and their standard deviation about the fit."""
     x, theta, centre, scale = _normalise(points, start)
     for _ in range(rounds):
         r = np.abs(sampson_distance(theta, x))
-        cut = 4.7 * max(1.48 * np.median(r), 1e-9)
-        theta = sampson_fit(theta, x, np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
+        cut = TUKEY * max(1.48 * np.median(r), 1e-9)
+        theta = sampson_fit(theta, x, weight * np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
     ellipse, real = ellipse_from_conic(conic_matrix(theta))
     real = real and ellipse.semi_axes_px[0] < 10 and ellipse.semi_axes_px[1] > 0.01  # of the points' spread
     inlier = r < cut

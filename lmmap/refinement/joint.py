@@ -105,7 +105,7 @@ def _ring_rows(steps: Pose, edge: RingEdge, camera: Camera) -> tuple[np.ndarray,
     distance = sampson_distance(theta, edge.points_px)  # (7, M)
     by_pose = (distance[1:] - distance[0]).T / STEPS.diagonal()
     rest = np.broadcast_to([0.0, -edge.side], (len(by_pose), 2))
-    return np.column_stack([by_pose, rest]) / edge.sigma_px, distance[0] / edge.sigma_px
+    return np.column_stack([by_pose, rest]) / edge.sigma_px[:, None], distance[0] / edge.sigma_px
 
 
 def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.0) -> np.ndarray:
