@@ -126,7 +126,6 @@ class Settings(PaperSettings):
     # ring and markers together
     refine_jointly: bool = True  # after the two circles' poses
     joint_rounds: int = 4  # Gauss-Newton steps at most
-    ring_growth_px: PerCamera = PerCamera(rgb=0.3, event=0.5)  # standard deviation of a mask's, to each side
     joint_settled: float = 0.1  # standard deviations: a smaller step is the last
     edge_half_px: float = 3.0  # of the profile across a marker's side
     edge_contrast: float = 0.5  # of the mask between inside and outside, for an edge to be seen

@@ -26,7 +26,7 @@ def judge(t_us: int, image: np.ndarray, seen: Seen, reflectors: np.ndarray, ring
     estimate = Estimate(
         t_us, Status.OK, refined.T_cam_port, rival=fit.rival, ellipse=ring.ellipse,
         arc_coverage=ring.arc_coverage, marker_score=fit.score, rival_score=fit.rival_score,
-        margin=fit.margin, tilt_sigmas=refined.tilt_sigmas, covariance=refined.covariance,
+        margin=fit.margin, tilt_sigmas=refined.tilt_sigmas, covariance=refined.covariance, off=refined.off,
     )  # fmt: skip
     evidence = verify.evidence(refined.T_cam_port, refined.covariance_by_masks, fit.sigma_rad, fit.log_odds,
                                image, seen.ring, reflectors, port, camera)  # fmt: skip

@@ -27,6 +27,7 @@ class Refined:
     covariance: np.ndarray
     covariance_by_masks: np.ndarray
     tilt_sigmas: float
+    off: np.ndarray
 
 
 def refine(fit: YawFit, ring: Contour, reflectors: np.ndarray, edges: np.ndarray, port: Port, camera: Camera,
@@ -38,27 +39,30 @@ def refine(fit: YawFit, ring: Contour, reflectors: np.ndarray, edges: np.ndarray
     reflectors, edges : (H, W)
         The reflector mask, and the image's `outline.edges`.
     """
-    T, by_masks, tilt_sigmas = on_masks(fit, ring, reflectors, port, camera, modality, settings)
+    T, off, by_masks, tilt_sigmas = on_masks(fit, ring, reflectors, port, camera, modality, settings)
     covariance = by_masks
     if settings.edge_rounds and fit.yaw_margin >= settings.min_yaw_margin:
-        T, covariance = image_edges.refine(T, covariance, edges, port, camera, settings)
+        T, higher, covariance = image_edges.refine(T, off[0], covariance, edges, port, camera, settings)
+        off = np.array([higher, off[1]])
         inflation, fading = settings.edge_inflation[modality], settings.edge_fading[modality]
         covariance = joint.inflate(covariance, fit.score, inflation, fading)
-    return Refined(T, covariance, by_masks, tilt_sigmas)
+    return Refined(T, covariance[:6, :6], by_masks[:6, :6], tilt_sigmas, off)
 
 
 def on_masks(fit: YawFit, ring: Contour, reflectors: np.ndarray, port: Port, camera: Camera, modality: str,
-             settings: Settings = OURS) -> tuple[Pose, np.ndarray, float]:  # fmt: skip
-    """Pose and covariance (6, 6) by ring and markers, where enough of the markers' edges are known, else by
-    the ring alone; and the ring's distance from head-on, in standard deviations."""
+             settings: Settings = OURS) -> tuple[Pose, np.ndarray, np.ndarray, float]:  # fmt: skip
+    """What `joint.JointFit` says of a pose, by ring and markers, where enough of the markers' edges are known,
+    else by the ring alone; and the ring's distance from head-on, in standard deviations."""
     known = ring_uncertainty(fit.T_cam_port, ring, fit.sigma_rad, port, camera, modality, settings)
     if settings.refine_jointly and fit.yaw_margin >= settings.min_yaw_margin:
         both = joint.refine(fit.T_cam_port, ring_edges(ring, port, modality, settings), reflectors, port, camera,
-                            settings.marker_sigma_px[modality], settings.ring_growth_px[modality], settings)
+                            settings.marker_sigma_px[modality], settings)
         if both is not None:
             covariance = joint.inflate(both.covariance, fit.score, settings.joint_inflation[modality])
-            return both.T_cam_port, covariance, known.tilt_sigmas
-    return fit.T_cam_port, known.covariance, known.tilt_sigmas
+            return both.T_cam_port, both.off, covariance, known.tilt_sigmas
+    covariance = np.eye(7)
+    covariance[:6, :6] = known.covariance
+    return fit.T_cam_port, np.zeros(2), covariance, known.tilt_sigmas
 
 
 def ring_uncertainty(T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float, port: Port, camera: Camera,

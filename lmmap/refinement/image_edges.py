@@ -26,14 +26,16 @@ PROFILE_STEP_PX = 0.5
 
 
 def refine(
-    T_cam_port: Pose, covariance, strength, port: Port, camera: Camera, settings: Settings = OURS
-) -> tuple[Pose, np.ndarray]:  # fmt: skip
-    """A pose and its covariance (6, 6) after the edges have been taken into account.
+    T_cam_port: Pose, higher: float, covariance, strength, port: Port, camera: Camera,
+    settings: Settings = OURS,
+) -> tuple[Pose, float, np.ndarray]:  # fmt: skip
+    """A pose, by how many tolerances the plate is higher, and their covariance (7, 7), after the edges have
+    been taken into account.
 
     Parameters
     ----------
-    covariance : (6, 6)
-        Of the pose before, conventions of `uncertainty`.
+    higher, covariance : float, (7, 7)
+        The same before, conventions of `JointFit`.
     strength : (H, W)
         Edges of the image, in units of those around them (`outline.edges`).
 
@@ -44,29 +46,31 @@ def refine(
     edges (`min_edges`) the pose stays as it is.
     """
     points_m, outward_m, on_ring = _outline(port)
-    information = np.zeros((8, 8))
-    information[:6, :6] = np.linalg.inv(covariance)
-    information[6:, 6:] = np.eye(2) / settings.edge_offset_px**2
-    T, offset_px, sigma_px = T_cam_port, np.zeros(2), settings.edge_sigma_px
+    rise_m = port.plate_height_tolerance * port.plate_height_m * np.array([0, 0, 1.0]) * ~on_ring[:, None]
+    information = np.zeros((9, 9))
+    information[:7, :7] = np.linalg.inv(covariance)
+    information[7:, 7:] = np.eye(2) / settings.edge_offset_px**2
+    T, rest, sigma_px = T_cam_port, np.array([higher, 0.0, 0.0]), settings.edge_sigma_px
     for _ in range(settings.edge_rounds):
         at, beside = project(T @ np.stack([points_m, outward_m]), camera)
         normal = (beside - at) / np.maximum(np.linalg.norm(beside - at, axis=1, keepdims=True), 1e-9)
         gap_px, seen = _gaps(strength, at, normal, settings)
         seen &= ~(on_ring & hidden(points_m, T.inverse.position_m, port))
         if seen.sum() < settings.min_edges:
-            return T_cam_port, np.asarray(covariance)
+            return T_cam_port, higher, np.asarray(covariance)
         steps = move_by_each_step(T)
         shifted = project(steps[:, None] @ points_m[seen], camera)
         J = np.sum((shifted[1:] - shifted[0]) * normal[seen], -1).T / STEPS.diagonal()
-        J = np.column_stack([J, on_ring[seen], ~on_ring[seen]])
-        residual = gap_px[seen] - J[:, 6:] @ offset_px
+        risen = np.sum((project(T @ (points_m + rise_m)[seen], camera) - at[seen]) * normal[seen], -1)
+        J = np.column_stack([J, risen, on_ring[seen], ~on_ring[seen]])
+        residual = gap_px[seen] - J[:, 6:] @ rest
         weight = (1 + (residual / (settings.edge_outlier_sigmas * sigma_px)) ** 2) ** -2.0 / sigma_px**2
         turned = single_rotation_vector(T.rotation @ T_cam_port.rotation.T)
-        away = np.concatenate([T.position_m - T_cam_port.position_m, turned, offset_px])
+        away = np.concatenate([T.position_m - T_cam_port.position_m, turned, rest - [higher, 0, 0]])
         normal_matrix = (J.T * weight) @ J + information
         step = np.linalg.solve(normal_matrix, (J.T * weight) @ residual - information @ away)
-        T, offset_px = move(T, step[:6]), offset_px + step[6:]
-    return T, np.linalg.inv(normal_matrix)[:6, :6]
+        T, rest = move(T, step[:6]), rest + step[6:]
+    return T, float(rest[0]), np.linalg.inv(normal_matrix)[:7, :7]
 
 
 def _gaps(strength, at, normal, settings: Settings) -> tuple[np.ndarray, np.ndarray]:

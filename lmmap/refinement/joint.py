@@ -23,6 +23,7 @@ from ..types import Camera, Port, Pose, frozen_array
 
 POINTS_PER_SIDE = 10  # of a marker, in the order of `_side_points_m`
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
+PRIOR = np.diag([0.0] * 6 + [1.0, 1.0, 1.0, 0.0])  # pose; height, radius, width in tolerances; the mask's growth
 _SHIFTS_M = np.vstack([np.zeros(3), STEPS[:, :3]])
 _TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
@@ -39,10 +40,12 @@ class RingEdge(NamedTuple):
 
 @dataclass(frozen=True)
 class JointFit:
-    """Refined pose with its covariance (6, 6) (conventions of `uncertainty`), and how many marker edge
-    points took part."""
+    """Refined pose; ``off`` (2,), by how many of their tolerances the plate's height and the markers' radius
+    seem to be off; the covariance (7, 7) of pose (conventions of `uncertainty`) and height; and how many
+    edge points of markers took part."""
 
     T_cam_port: Pose
+    off: np.ndarray
     covariance: np.ndarray
     edges: int
 
@@ -54,57 +57,57 @@ def refine(
     port: Port,
     camera: Camera,
     marker_sigma_px: float,
-    ring_growth_px: float,
     settings: Settings = OURS,
 ) -> JointFit | None:
     """Gauss-Newton on the ring's edges and the markers' edge points, each in units of its own standard
     deviation; None where too few edges of markers are seen to add anything.
 
-    Edges are measured across the projected sides of the markers, with Tukey's weights.  How far a mask is
-    wider or narrower on all sides alike than the markers, and than the ring, are two more unknowns; the
-    second has a standard deviation, `ring_growth_px`.
+    Edges are measured across the projected sides of the markers, with Tukey's weights.  Further unknowns
+    are the plate's height, the markers' radius and the ring's width within the port's tolerances, and how
+    far the markers' mask is wider or narrower than they are on all sides alike.
     """
     mask = np.ascontiguousarray(reflector_mask, np.float32)
     sides_m = _side_points_m(port)
     T = T_cam_port
     for _ in range(settings.joint_rounds):
-        steps = move_by_each_step(T)
-        J_ring, r_ring = map(np.concatenate, zip(*(_ring_rows(steps, edge, camera) for edge in ring), strict=True))
-
         edges = _measure_edges(mask, T, sides_m, camera, settings)
         if edges is None:
             return None
-        points_m, normal, gap_px = edges
-        seen = project(np.einsum("nij,kj->nki", steps.rotation, points_m) + steps.position_m[:, None], camera)
+        moved_m, normal, gap_px = edges
+        steps = move_by_each_step(T)
+        seen = project(np.einsum("nij,kj->nki", steps.rotation, moved_m[0]) + steps.position_m[:, None], camera)
         shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
-        J_edge = np.column_stack([shift, np.ones(len(gap_px)), np.zeros(len(gap_px))]) / marker_sigma_px
+        by_port = np.sum((project(T @ moved_m[1:], camera) - seen[0]) * normal, -1).T
+        zeros = np.zeros((len(gap_px), 1))
+        J_edge = np.hstack([shift, by_port, zeros, zeros + 1]) / marker_sigma_px
         centred = gap_px - np.median(gap_px)
         cut = 4.7 * max(1.48 * np.median(np.abs(centred)), 0.3)
         weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
 
         # Gauss-Newton: (J' W J) step = J' W r, solved with unit diagonal and a ridge of 1e-9
-        J = np.vstack([J_ring, J_edge])
-        r = np.concatenate([r_ring, -gap_px / marker_sigma_px])
-        w = np.concatenate([np.ones(len(r_ring)), weight])
-        normal_matrix = (J.T * w) @ J
-        normal_matrix[7, 7] += ring_growth_px**-2
+        rows = [_ring_rows(steps, edge, port, camera) for edge in ring]
+        J, r = map(np.concatenate, zip(*rows, (J_edge, -gap_px / marker_sigma_px), strict=True))
+        w = np.append(np.ones(len(r) - len(weight)), weight)
+        normal_matrix = (J.T * w) @ J + PRIOR
         scale = np.sqrt(np.maximum(normal_matrix.diagonal(), 1e-12))
-        scaled = normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(8)
+        scaled = normal_matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
         step = np.linalg.solve(scaled, (J.T @ (w * r)) / scale) / scale
         T = move(T, -step[:6])
         if np.sum(w * (J[:, :6] @ step[:6]) ** 2) < settings.joint_settled**2:
             break
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     sane = np.all(np.isfinite(T.position_m)) and T.normal @ T_cam_port.normal > 0.9
-    return JointFit(T, inverse[:6, :6], len(gap_px)) if sane else None
+    return JointFit(T, -step[6:8], inverse[:7, :7], len(gap_px)) if sane else None
 
 
-def _ring_rows(steps: Pose, edge: RingEdge, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (M, 8) and residuals (M,) of an edge's points, in standard deviations."""
+def _ring_rows(steps: Pose, edge: RingEdge, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (M, 10) and residuals (M,) of an edge's points, in standard deviations."""
     theta = conic_coefficients(circle_conic(steps, edge.radius_m, camera))
     distance = sampson_distance(theta, edge.points_px)  # (7, M)
     by_pose = (distance[1:] - distance[0]).T / STEPS.diagonal()
-    rest = np.broadcast_to([0.0, -edge.side], (len(by_pose), 2))
+    wider_m = port.ring_width_tolerance * (port.ring_outer_radius_m - port.ring_inner_radius_m) / 2
+    wider_px = wider_m * camera.fx_px / steps.position_m[0, 2]
+    rest = np.broadcast_to([0.0, 0.0, -edge.side * wider_px, 0.0], (len(by_pose), 4))
     return np.column_stack([by_pose, rest]) / edge.sigma_px[:, None], distance[0] / edge.sigma_px
 
 
@@ -121,24 +124,28 @@ def move_by_each_step(T: Pose) -> Pose:
 
 @lru_cache
 def _side_points_m(port: Port):
-    """Points on the markers' sides without their corners, and beside each a point outward, (P, 3)."""
+    """Points on the markers' sides without their corners, as the port has them and with plate and markers
+    moved by a tolerance each, (3, P, 3); and beside each a point outward, (P, 3)."""
     corners = port.marker_corners_m()
     following = np.roll(corners, -1, 1)
     s = (np.arange(POINTS_PER_SIDE) + 1.5) / (POINTS_PER_SIDE + 2)
     points = corners[:, :, None] + s[:, None] * (following - corners)[:, :, None]
-    outward = (corners + following) / 2 - corners.mean(1, keepdims=True)
-    beside = points + 0.05 * outward[:, :, None]
-    return frozen_array(points.reshape(-1, 3)), frozen_array(beside.reshape(-1, 3))
+    middle = corners.mean(1, keepdims=True)
+    beside = points + 0.05 * ((corners + following) / 2 - middle)[:, :, None]
+    higher = port.plate_height_tolerance * port.plate_height_m * np.array([0, 0, 1.0])
+    further = port.marker_radius_tolerance * middle[:, :, None] * [1, 1, 0]
+    moved = np.stack([points, points + higher, points + further])
+    return frozen_array(moved.reshape(3, -1, 3)), frozen_array(beside.reshape(-1, 3))
 
 
 def _measure_edges(mask, T: Pose, sides_m, camera: Camera, settings: Settings):
-    """Where the mask's edges are seen: points (K, 3) m, outward image normals (K, 2), gaps (K,) px from
+    """Where the mask's edges are seen: points (3, K, 3) m, outward image normals (K, 2), gaps (K,) px from
     the projected sides outward to the mask's edges; None if there are too few.
 
     The gap is the integral of the profile across the side, less its inner half.
     """
-    points_m, beside_m = sides_m
-    at, beside = project(T @ points_m, camera), project(T @ beside_m, camera)
+    moved_m, beside_m = sides_m
+    at, beside = project(T @ moved_m[0], camera), project(T @ beside_m, camera)
     steps = np.diff(at.reshape(-1, POINTS_PER_SIDE, 2), axis=1)  # to the next point of the same side
     along = np.concatenate([steps, steps[:, -1:]], 1).reshape(-1, 2)  # the last point has the step before it
     normal = np.stack([along[:, 1], -along[:, 0]], -1)
@@ -155,4 +162,4 @@ def _measure_edges(mask, T: Pose, sides_m, camera: Camera, settings: Settings):
         return None
     level = (profile[good] - outer[good, None]) / contrast[good, None]
     gap_px = (level.sum(1) - 0.5 * (level[:, 0] + level[:, -1])) * 0.5 - half_px
-    return points_m[good], normal[good], gap_px
+    return moved_m[:, good], normal[good], gap_px

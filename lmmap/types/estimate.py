@@ -84,6 +84,7 @@ class Estimate:
     predicted: Pose | None = None
     measured: Pose | None = None
     outside_training: bool = False
+    off: np.ndarray | None = None
 
     @property
     def found(self) -> Pose | None:
