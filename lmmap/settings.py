@@ -110,8 +110,9 @@ class Settings(PaperSettings):
 
     # contour below a pixel
     contour_half_width: float = 1.5  # of the strip searched, in widths of the ring's stroke
-    contour_floor: float = 0.1  # mask values below are background
+    contour_floor: float = 0.1  # an edge lies at half the mask's height, or nowhere if that is below
     contour_widths: tuple[float, float] = (0.6, 1.6)  # of a good ray, in units of the median ray's
+    widest_stroke: float = 1.5  # in units of the port's ring: of 459 right rings the widest had 1.24
     contour_min_rays: float = 0.4  # share of good rays, below which there is no stroke
 
     # yaw
@@ -154,10 +155,14 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    confidence_ring: tuple[float, ...] = (-3.733, -0.757, -8.536, 1.461, 0.562)  # of position and normal
+    # of position and normal; the slope of `markers_off_px` is provisional, until the next calibration
+    confidence_ring: tuple[float, ...] = (-3.733, -0.757, -8.536, 1.461, -1.0, 0.562)
     confidence_yaw: tuple[float, ...] = (-8.26, 0.352, -0.005, 15.581)  # that the yaw is right, if they are
     min_confidence: PerCamera = PerCamera(rgb=0.55, event=0.85)  # below, the status is `UNSURE`: no pose
     min_fused_confidence: float = 0.85  # of a track of both cameras
+    port_off_px: float = 0.5  # by which markers lie off in half of a recording's poses, to doubt the port: it
+    # was 0.1 to 0.25 on the bench and elsewhere, and 0.8 to 1.2 where the plate was 20 % higher
+    port_off_poses: int = 10  # without so many nothing is said of the port
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look

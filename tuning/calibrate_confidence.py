@@ -71,7 +71,7 @@ def misplaced(T_cam_port: Pose, port) -> list[Pose]:
 
 
 class Sight(NamedTuple):
-    """The estimate of one look; where it has a pose also the evidence (6,), that of misplaced ones (5, 6),
+    """The estimate of one look; where it has a pose also the evidence (7,), that of misplaced ones (5, 7),
     and whether circle and pose are right."""
 
     estimate: Estimate
@@ -163,10 +163,10 @@ def fit(chosen: list[Sight]) -> Settings:
     other_yaw = np.stack([sight.misplaced[4] for sight in good])
     circle_right = np.array([sight.circle_right for sight in chosen])
     outcome = np.array([sight.right for sight in chosen])
-    ring = logistic_fit(np.concatenate([evidence, turned])[:, :4],
+    ring = logistic_fit(np.concatenate([evidence, turned])[:, : verify.OF_RING],
                         np.append(circle_right, np.zeros(len(turned))),
                         np.append(np.ones(len(chosen)), np.full(len(turned), share / 4)))  # fmt: skip
-    of_yaw = logistic_fit(np.concatenate([evidence[circle_right], other_yaw])[:, 3:],
+    of_yaw = logistic_fit(np.concatenate([evidence[circle_right], other_yaw])[:, verify.OF_RING - 1 :],
                           np.append(outcome[circle_right], np.zeros(len(other_yaw))),
                           np.append(np.ones(circle_right.sum()), np.full(len(other_yaw), share)))  # fmt: skip
     return replace(OURS, confidence_ring=tuple(ring.round(3).tolist()),

@@ -142,7 +142,7 @@ def main() -> None:
         net = load_filter(pattern.format("ring", modality), modality)
         rows.append({"set": name, "modality": modality, **cost(net, CHANNELS[modality]),
                      "ms": times_ms[modality][name], **summary(table)})  # fmt: skip
-        print(pd.Series(rows[-1]).round(3).to_dict(), flush=True)
+        print(pd.DataFrame(rows[-1:]).round(3).to_dict("records")[0], flush=True)
     save_table(DATA / "results" / "widths.csv", pd.DataFrame(rows), places=a.places)
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import heapq
 import json
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
+
+import numpy as np
 
 from ..drawing.overlay import Overlay
 from ..drawing.rerun_log import RerunLog
@@ -22,7 +25,7 @@ from ..pipeline.weights import network_paths
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
-from ..settings import MODALITIES
+from ..settings import MODALITIES, Settings
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
 from .inputs import (
@@ -47,8 +50,8 @@ def estimate(a) -> None:
     estimators = {m: make_estimator(a, stream.camera, m) for m in modalities}
     if a.modality == "fused":
         can_be_fused(stream, needed=True)
-    port = estimators[modalities[0]].port
-    views = [view(path, port, stream.camera) for view, path in _views(a).items()]
+    first = estimators[modalities[0]]
+    views = [view(path, first.port, stream.camera) for view, path in _views(a).items()]
     between, stopped = 0, False
     with ExitStack() as files:
         journal = a.bag or _journal(a, a.output, a.format, a.modality, estimators)
@@ -56,11 +59,13 @@ def estimate(a) -> None:
         resumed = len(journal.statuses)
         for view in views:
             files.enter_context(view)
-        answers = files.enter_context(closing(_answers(a, stream, estimators, journal, files)))
+        off_px: list[float] = []
+        answers = files.enter_context(closing(_answers(a, stream, estimators, journal, files, off_px)))
         try:
             with Bar(stream, a.modality) as bar:
                 for image, e in answers:
                     journal.add(e)
+                    off_px += [e.markers_off_px] * (e.markers_off_px is not None)
                     mask = None
                     if views and image is not None:
                         mask = estimators["rgb" if image.ndim == 3 else "event"].ring_mask(image)
@@ -74,6 +79,7 @@ def estimate(a) -> None:
             stopped = True
         if not journal.statuses and not stopped:
             raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings, a.rate)
+    _doubt_port(off_px, first.settings)
     _report(a, journal, resumed, stopped, between)
 
 
@@ -113,9 +119,12 @@ def _part(a, modality: str) -> Path:
     return a.output.with_suffix(f".{modality}.csv")
 
 
-def _answers(a, stream: Stream, estimators: dict, journal: Journal, files: ExitStack) -> Iterator[tuple]:
+def _answers(
+    a, stream: Stream, estimators: dict, journal: Journal, files: ExitStack, off_px
+) -> Iterator[tuple]:
     """``(image, estimate)`` in the order of time, of what is not in the journal yet; no image where a pose is
-    between images, or of both cameras.  Journals of the cameras that are fused are opened in ``files``."""
+    between images, or of both cameras.  Journals of cameras that are fused are opened in ``files``, and
+    ``off_px`` takes how far their estimates' markers are off."""
     if a.track:
         shots = [timed_images(stream, m, e.settings, a.rate) for m, e in estimators.items()]
         in_order = heapq.merge(*shots, key=lambda shot: shot.t_us)
@@ -130,7 +139,7 @@ def _answers(a, stream: Stream, estimators: dict, journal: Journal, files: ExitS
     parts = {}
     for m, estimator in estimators.items():
         part = files.enter_context(_journal(a, _part(a, m), "csv", m, {m: estimator}))
-        parts[m] = _estimate_part(stream, estimator, a.rate, part)
+        parts[m] = _estimate_part(stream, estimator, a.rate, part, off_px)
     answers = fused(parts, estimators["rgb"].port.yaw_period_rad, a.rate, a.recording)
     return ((None, e) for e in answers if not journal.has(e.t_us))
 
@@ -141,11 +150,12 @@ def _estimate_rest(stream: Stream, estimator, rate_hz: float | None, journal: Jo
     return estimate_images((shot for shot in shots if not journal.has(*shot.times_us)), estimator)
 
 
-def _estimate_part(stream: Stream, estimator, rate_hz: float | None, journal: Journal) -> Iterator[Estimate]:
+def _estimate_part(stream, estimator, rate_hz: float | None, journal: Journal, off_px) -> Iterator[Estimate]:
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
     yield from journal.done.values()
     for _, e in _estimate_rest(stream, estimator, rate_hz, journal):
         journal.add(e)
+        off_px += [e.markers_off_px] * (e.markers_off_px is not None)
         yield round_trip(e)
 
 
@@ -163,6 +173,18 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
         **({"flip": a.flip} if a.flip else {}),
     }  # fmt: skip
     return Journal(path, form, a.resume, made_of)
+
+
+def _doubt_port(markers_off_px: list[float], settings: Settings) -> None:
+    """Say so if in most poses the markers are not where the port has them."""
+    if len(markers_off_px) < settings.port_off_poses:
+        return
+    if (off_px := np.median(markers_off_px)) > settings.port_off_px:
+        warnings.warn(
+            f"the markers lie {off_px:.1f} px from where the port has them: measure the port with "
+            "lmmap calibrate --port",
+            stacklevel=2,
+        )
 
 
 def _report(a, journal: Journal, resumed: int, stopped: bool, between: int) -> None:

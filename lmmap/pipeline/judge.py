@@ -26,10 +26,12 @@ def judge(t_us: int, image: np.ndarray, seen: Seen, reflectors: np.ndarray, ring
     estimate = Estimate(
         t_us, Status.OK, refined.T_cam_port, rival=fit.rival, ellipse=ring.ellipse,
         arc_coverage=ring.arc_coverage, marker_score=fit.score, rival_score=fit.rival_score,
-        margin=fit.margin, tilt_sigmas=refined.tilt_sigmas, covariance=refined.covariance, off=refined.off,
+        margin=fit.margin, tilt_sigmas=refined.tilt_sigmas, covariance=refined.covariance,
+        markers_off_px=refined.markers_off_px,
     )  # fmt: skip
-    evidence = verify.evidence(refined.T_cam_port, refined.covariance_by_masks, fit.sigma_rad, fit.log_odds,
-                               image, seen.ring, reflectors, port, camera)  # fmt: skip
+    of_masks = image, seen.ring, reflectors, port, camera
+    evidence = verify.evidence(refined.T_cam_port, refined.covariance_by_masks, refined.markers_off_px,
+                               fit.sigma_rad, fit.log_odds, *of_masks)  # fmt: skip
     confidence = float(verify.confidence(evidence, settings))
     return estimate.judged(confidence, settings.min_confidence[modality])
 

@@ -29,7 +29,7 @@ def find_ring(
     """The ring's contour in a mask (H, W), free of lens distortion; or why there is none.
 
     It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
-    of it.
+    of it.  A stroke much wider than the port's ring, for its size, is none.
     """
     if near is not None and (ring := follow(near, mask, strip_px(near, port, settings), camera, settings)):
         return ring
@@ -46,6 +46,8 @@ def find_ring(
     else:
         return status
     ring = contour.trace(fitted, mask, strip_px(fitted, port, settings), camera, settings)
+    if ring and ring.width > settings.widest_stroke * stroke(port):
+        return Status.NO_ELLIPSE
     return _scored(ring or contour.from_points(fitted, points[inliers]), points, mask, camera)
 
 
@@ -79,8 +81,12 @@ def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:
 
 def strip_px(ring: Ellipse, port: Port, settings: Settings = OURS) -> float:
     """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""
-    stroke = (port.ring_outer_radius_m - port.ring_inner_radius_m) / port.ring_radius_m
-    return float(settings.contour_half_width * (stroke * ring.semi_axes_px[0]))
+    return float(settings.contour_half_width * (stroke(port) * ring.semi_axes_px[0]))
+
+
+def stroke(port: Port) -> float:
+    """Width of the ring, in its radii."""
+    return (port.ring_outer_radius_m - port.ring_inner_radius_m) / port.ring_radius_m
 
 
 def find_ellipse(

@@ -7,6 +7,7 @@ because distortion bends it into something else.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,25 +20,30 @@ from ..types import Camera, Ellipse
 
 TUKEY = 4.7  # robust standard deviations beyond which a point counts for nothing
 
-@dataclass(frozen=True)
-class Edge:
-    """Points (M, 2) of one edge of the ring, undistorted, and their standard deviation about its ellipse."""
+
+class Edge(NamedTuple):
+    """Points (M, 2) of one of the ring's edges, undistorted, and the standard deviation (M,) of each."""
 
     points_px: np.ndarray
-    sigma_px: float
+    sigma_px: np.ndarray
 
 
 @dataclass(frozen=True)
 class Contour:
     """An ellipse and the points (M, 2) it was fitted to, both undistorted, with the points' standard
-    deviation about it in pixels, the mask's mean along it, `score`, and the share of it that has points of
-    the ring; and the ring's two edges, inner and outer, where the mask shows them apart."""
+    deviation about it in pixels.
+
+    ``score`` is the mask's mean along it, ``arc_coverage`` the share of it that has points of the ring.
+    Where the mask has a stroke, ``width`` is the stroke's in radii, and ``edges`` are the inner and the outer
+    edge, apart.
+    """
 
     ellipse: Ellipse
     points_px: np.ndarray
     sigma_px: float
     score: float = 1.0
     arc_coverage: float = 0.0
+    width: float | None = None
     edges: tuple[Edge, ...] = ()
 
 
@@ -45,13 +51,14 @@ def trace(
     ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
     rounds: tuple[int, ...] = (2, 2),
 ) -> Contour | None:  # fmt: skip
-    """The two edges of a soft mask's stroke and the middle between them, started from a nearby ellipse; None
+    """Both edges of a soft mask's stroke and the middle between them, started from a nearby ellipse; None
     where there is no stroke.
 
     Samples the mask along rays from the ellipse's centre, finds where each profile falls to half its height
-    on either side, and refits the ellipse to the middles, as often as there are ``rounds``.  What lies
-    beside the ring and is fainter than half of it moves neither edge.  Rays without a stroke or with a width
-    unlike the others' (a second blob, an occluder) don't count; with too few good rays there is no stroke.
+    to either side, and refits the ellipse to the middles, as often as there are ``rounds``.  What is fainter
+    than half of the ring beside it moves no edge, and a point counts by the square of the slope there.  Rays
+    without a stroke, or with a width unlike the others' (a second blob, an occluder), don't count; with too
+    few good rays there is no stroke.
 
     The middle of an annulus' image is not exactly the image of its centre line.  Along rays, an affine
     camera would make it so; perspective leaves at most 0.05 deg and 0.12 mm from 0.3 m on (along the
@@ -74,9 +81,12 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        falls, slopes = zip(*(_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile)))
-        inner, outer = offsets[-1] - 0.5 * falls[0], offsets[0] + 0.5 * falls[1]
-        width = (outer - inner) / radius[:, 0]  # an annulus is as wide along every ray, in radii
+        (inner, inner_slope), (outer, outer_slope) = (
+            _half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile)
+        )
+        ends = np.stack([offsets[-1] - 0.5 * inner, offsets[0] + 0.5 * outer])
+        shares = ends / radius[:, 0]  # along every ray an annulus is as wide, in radii
+        width = shares[1] - shares[0]
         good = np.isfinite(width)
         if not good.any():
             return None
@@ -85,46 +95,48 @@ def trace(
         good &= (width > narrow * typical) & (width < wide * typical)
         if good.mean() < settings.contour_min_rays:
             return None
-        edges = [points[good] + end[good, None] * rays[good] for end in (inner, outer)]
-        sharp = [np.minimum(slope[good] / np.median(slope[good]), 1) ** 2 for slope in slopes]
-        before, middle = ellipse, sum(edges) / 2
-        ellipse, inlier, sigma_px = _fit_robust(middle, ellipse, fits, 2 / (1 / sharp[0] + 1 / sharp[1]))
-    turn = np.linspace(0, 2 * np.pi, len(points), endpoint=False)[good]
-    edges = tuple(_edge(seen, end[good] / radius[good, 0], sharp_, turn, before.semi_axes_px)
-                  for seen, end, sharp_ in zip(edges, (inner, outer), sharp, strict=True))  # fmt: skip
-    return Contour(ellipse, middle[inlier], sigma_px, edges=edges)
+        slopes = np.stack([inner_slope, outer_slope])[:, good]
+        weights = np.minimum(slopes / np.median(slopes, 1, keepdims=True), 1) ** 2
+        edges_px = points[good] + ends[:, good, None] * rays[good]
+        start, middle_px = ellipse, edges_px.mean(0)
+        ellipse, inlier, sigma_px = _fit_robust(middle_px, start, fits, 2 / np.sum(1 / weights, 0))
+    turn_rad = np.linspace(0, 2 * np.pi, len(points), endpoint=False)[good]
+    each = zip(edges_px, shares[:, good], weights, strict=True)
+    edges = tuple(_edge(*of_edge, turn_rad, start) for of_edge in each)
+    return Contour(ellipse, middle_px[inlier], sigma_px, width=float(typical), edges=edges)
 
 
-def _edge(points_px, share, weight, turn_rad, semi_axes_px) -> Edge:
-    """Those of an edge's points (M, 2) that lie on an ellipse of its own, and how well.
+def _edge(points_px, share, weight, turn_rad, about: Ellipse) -> Edge:
+    """Those of an edge's points (M, 2) that lie on an ellipse of its own, by their scatter about it.
 
-    ``share`` (M,) is how far beyond an ellipse they are, in its radii, at eccentric anomalies (M,).  Of an
-    ellipse near that one it is a sum of harmonics up to the second.
+    ``share`` (M,) says how far beyond another ellipse they are, in its radii, at eccentric anomalies (M,).
+    For an ellipse near that one it is a sum of harmonics up to the second.
     """
     c, s = np.cos(turn_rad), np.sin(turn_rad)
-    A = np.stack([np.ones_like(c), c, s, c * c - s * s, c * s], -1)
-    to_px = np.prod(semi_axes_px) / np.hypot(semi_axes_px[0] * s, semi_axes_px[1] * c)
+    harmonics = np.stack([np.ones_like(c), c, s, c * c - s * s, c * s], -1)
+    major_px, minor_px = about.semi_axes_px
+    across_px = major_px * minor_px / np.hypot(major_px * s, minor_px * c)  # of one radius
     own = np.ones(len(c), bool)
     for _ in range(3):
-        w = weight * own
-        gap_px = (share - A @ np.linalg.solve((A.T * w) @ A + 1e-9 * np.eye(5), A.T @ (w * share))) * to_px
-        own = np.abs(gap_px) < TUKEY * max(1.48 * np.median(np.abs(gap_px)), 1e-9)
+        weighted = harmonics.T * (weight * own)
+        fitted = np.linalg.solve(weighted @ harmonics + 1e-9 * np.eye(5), weighted @ share)
+        gap_px = np.abs(share - harmonics @ fitted) * across_px
+        own = gap_px < TUKEY * max(1.48 * np.median(gap_px), 1e-9)
     w = weight[own]
-    sigma_px = np.sqrt(np.sum(w * gap_px[own] ** 2) / max(w.sum() - 5, 1))
-    return Edge(points_px[own], sigma_px / np.sqrt(w))
+    variance = np.sum(w * gap_px[own] ** 2) / max(w.sum() - 5, 1)
+    return Edge(points_px[own], np.sqrt(variance / w))
 
 
-def _half_height(profile, floor: float) -> np.ndarray:
-    """Where profiles (N, K) fall to half their maximum after it, (N,) in steps; NaN where they do not, or
-    where the half is below the floor."""
+def _half_height(profile, floor: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where profiles (N, K) fall to half their maximum after it, (N,) in steps, and their slopes there; NaN
+    where they do not, or where the half is below the floor."""
     row, peak = np.arange(len(profile)), profile.max(1)
     above = profile - peak[:, None] / 2
     falls = (above < 0) & (np.arange(profile.shape[1]) > above.argmax(1)[:, None])
     k = falls.argmax(1)
     before, after = above[row, k - 1], above[row, k]
-    seen = falls.any(1) & (peak > 2 * floor)
-    slope = np.where(seen, before - after, 1.0)
-    return np.where(seen, k - 1 + before / slope, np.nan), slope
+    slope = np.where(falls.any(1) & (peak > 2 * floor), before - after, np.nan)
+    return k - 1 + before / slope, slope
 
 
 def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
@@ -147,9 +159,9 @@ def _normalise(points, ellipse: Ellipse):
     return x, conic_coefficients(to_px.T @ conic_from_ellipse(ellipse) @ to_px), centre, scale
 
 
-def _fit_robust(points, start: Ellipse, rounds: int, weight=1.0) -> tuple[Ellipse, np.ndarray, float]:
-    """Sampson fit with Tukey's weights at `TUKEY` robust standard deviations, from a nearby ellipse; which
-    points have a weight, and their standard deviation about the fit."""
+def _fit_robust(points, start: Ellipse, rounds: int, weight) -> tuple[Ellipse, np.ndarray, float]:
+    """Sampson fit with Tukey's weights at `TUKEY` robust standard deviations, times other ones, from a nearby
+    ellipse; which points have Tukey's, and their standard deviation about the fit."""
     x, theta, centre, scale = _normalise(points, start)
     for _ in range(rounds):
         r = np.abs(sampson_distance(theta, x))

@@ -23,29 +23,29 @@ from ..types import Camera, Port, Pose, frozen_array
 
 POINTS_PER_SIDE = 10  # of a marker, in the order of `_side_points_m`
 STEPS = np.diag([1e-6] * 3 + [1e-6] * 3)  # m, rad: for derivatives
-PRIOR = np.diag([0.0] * 6 + [1.0, 1.0, 1.0, 0.0])  # pose; height, radius, width in tolerances; the mask's growth
+PRIOR = np.diag([0.0] * 6 + [1.0] * 3 + [0.0])  # of pose; height, radius, width (tolerances); growth
 _SHIFTS_M = np.vstack([np.zeros(3), STEPS[:, :3]])
 _TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
 
 class RingEdge(NamedTuple):
-    """Points (M, 2) of an edge of the ring, undistorted, and their standard deviation; the circle's radius,
+    """Points (M, 2) of an edge of the ring, undistorted, and the standard deviation (M,) of each; its radius,
     and its side: -1 of the inner edge, 1 of the outer one, 0 of a middle line."""
 
     points_px: np.ndarray
-    sigma_px: float
+    sigma_px: np.ndarray
     radius_m: float
     side: int
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """Refined pose; ``off`` (2,), by how many of their tolerances the plate's height and the markers' radius
-    seem to be off; the covariance (7, 7) of pose (conventions of `uncertainty`) and height; and how many
-    edge points of markers took part."""
+    """Refined pose; by how many of their tolerances (2,) the plate's height and the markers' radius seem to
+    be off; the covariance (7, 7) of pose (conventions of `uncertainty`) and height; and how many edge points
+    of markers took part."""
 
     T_cam_port: Pose
-    off: np.ndarray
+    port_off: np.ndarray
     covariance: np.ndarray
     edges: int
 
@@ -75,7 +75,7 @@ def refine(
             return None
         moved_m, normal, gap_px = edges
         steps = move_by_each_step(T)
-        seen = project(np.einsum("nij,kj->nki", steps.rotation, moved_m[0]) + steps.position_m[:, None], camera)
+        seen = project(steps[:, None] @ moved_m[0], camera)
         shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
         by_port = np.sum((project(T @ moved_m[1:], camera) - seen[0]) * normal, -1).T
         zeros = np.zeros((len(gap_px), 1))
@@ -109,6 +109,15 @@ def _ring_rows(steps: Pose, edge: RingEdge, port: Port, camera: Camera) -> tuple
     wider_px = wider_m * camera.fx_px / steps.position_m[0, 2]
     rest = np.broadcast_to([0.0, 0.0, -edge.side * wider_px, 0.0], (len(by_pose), 4))
     return np.column_stack([by_pose, rest]) / edge.sigma_px[:, None], distance[0] / edge.sigma_px
+
+
+def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> float:
+    """How far markers, seen from a pose, lie from where the port has them, if its height and radius are off
+    by so many tolerances (2,); root mean square."""
+    moved_m, _ = _side_points_m(port)
+    off_m = np.tensordot(port_off, moved_m[1:] - moved_m[0], 1)
+    at, there = project(T_cam_port @ np.stack([moved_m[0], moved_m[0] + off_m]), camera)
+    return float(np.sqrt(np.mean(np.sum((there - at) ** 2, -1))))
 
 
 def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.0) -> np.ndarray:

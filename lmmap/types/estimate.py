@@ -63,6 +63,9 @@ class Estimate:
         Of a tracker: the pose by the image alone, or None where it shows none.
     outside_training : bool
         Whether the ring, in the networks' pixels, is smaller or larger than any that they were trained on.
+    markers_off_px : float or None
+        How far the markers lie from where the port has them and no pose can bring them, in the networks'
+        pixels; None without a refined pose.
     """
 
     t_us: int
@@ -84,7 +87,7 @@ class Estimate:
     predicted: Pose | None = None
     measured: Pose | None = None
     outside_training: bool = False
-    off: np.ndarray | None = None
+    markers_off_px: float | None = None
 
     @property
     def found(self) -> Pose | None:

@@ -32,11 +32,11 @@ def test_an_unknown_yaw_is_not_refined():
     circles = circle.poses(CLEAR.ellipse, CAMERA, PORT.ring_radius_m)
     best = yaw.fast_yaw(MARKERS, circles, PORT, CAMERA)
     unsure = replace(best, yaw_margin=OURS.min_yaw_margin - 0.01, sigma_rad=PORT.yaw_period_rad / 12**0.5)
-    (refined, known, _), (kept, wide, _) = (
+    (refined, _, known, _), (kept, _, wide, _) = (
         on_masks(fit, CLEAR, MARKERS, PORT, CAMERA, "rgb") for fit in (best, unsure)
     )
     assert best.yaw_margin >= OURS.min_yaw_margin
     assert not np.array_equal(refined.position_m, best.T_cam_port.position_m)
     np.testing.assert_array_equal(kept.position_m, best.T_cam_port.position_m)
-    turn = [np.sqrt(T0.normal @ C[3:, 3:] @ T0.normal) for C in (known, wide)]
+    turn = [np.sqrt(T0.normal @ C[3:6, 3:6] @ T0.normal) for C in (known, wide)]
     assert turn[1] == pytest.approx(unsure.sigma_rad, rel=0.05) and turn[0] < 0.2 * turn[1]

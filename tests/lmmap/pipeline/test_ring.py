@@ -1,5 +1,7 @@
 """From a mask to the ring's contour, from anywhere and from where it is expected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from strategies import CAMERA, PORT, pose
@@ -45,3 +47,9 @@ def test_gates_on_size_and_shape_hold_as_for_any_ring():
     for T in (far, flat):
         ring, mask = circle_ellipse(T, PORT.ring_radius_m, CAMERA), ideal_masks(T, PORT, CAMERA)[0]
         assert follow(ring, mask, 3.0, CAMERA) is None
+
+
+def test_a_stroke_much_wider_than_the_port_s_is_no_ring():
+    wide = replace(PORT, ring_inner_radius_m=0.06, ring_outer_radius_m=0.1)
+    assert find_ring(ideal_masks(T0, wide, CAMERA)[0], wide, CAMERA).width > 0.4
+    assert find_ring(ideal_masks(T0, wide, CAMERA)[0], PORT, CAMERA) == Status.NO_ELLIPSE

@@ -1,14 +1,17 @@
 """Sub-pixel contours on masks drawn from the geometry."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from strategies import CAMERA, PORT, WIDE, pose
 
 from lmmap.geometry import conics, projection
+from lmmap.geometry.conic_fit import sampson_distance
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import circle, ellipse
-from lmmap.pipeline.ring import skeleton_points
+from lmmap.pipeline.ring import skeleton_points, stroke
 from lmmap.refinement import contour
 from lmmap.types import Ellipse
 
@@ -60,6 +63,45 @@ def test_refinement_bears_a_missing_arc_and_a_second_blob(T):
 
 def T_centre(T):
     return projection.project(T.position_m, CAMERA)
+
+
+@pytest.mark.parametrize("T", TILTED)
+def test_what_is_fainter_than_half_the_ring_moves_no_edge(T):
+    """A soft mass along the whole inner edge, as of a bright rim there."""
+    bare = mask_of(T, np.random.default_rng(0), noise=0.0)
+    disc = replace(PORT, ring_inner_radius_m=0.8 * PORT.ring_inner_radius_m)
+    within = cv2.GaussianBlur(ideal_masks(T, disc, CAMERA)[0], (0, 0), 0.8)
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    traced = [
+        contour.trace(start, m, 0.4 * start.semi_axes_px[0]) for m in (bare, np.maximum(bare, 0.4 * within))
+    ]
+    assert pose_error(traced[1].ellipse, T)[1] < pose_error(traced[0].ellipse, T)[1] + 0.4
+    for before, after in zip(*(c.edges for c in traced), strict=True):
+        shift = np.linalg.norm(after.points_px.mean(0) - before.points_px.mean(0))
+        assert shift < 0.1 and np.median(after.sigma_px) < 0.3
+
+
+@pytest.mark.parametrize("T", TILTED)
+def test_edges_lie_on_circles_of_their_own_radii(T):
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    ring = contour.trace(start, mask_of(T, np.random.default_rng(0)), 0.3 * start.semi_axes_px[0])
+    for edge, radius_m in zip(ring.edges, (PORT.ring_inner_radius_m, PORT.ring_outer_radius_m), strict=True):
+        theta = conics.conic_coefficients(conics.circle_conic(T, radius_m, CAMERA))
+        gap_px = sampson_distance(theta, edge.points_px)
+        assert abs(gap_px.mean()) < 0.15 and gap_px.std() == pytest.approx(np.median(edge.sigma_px), rel=0.7)
+    assert ring.width == pytest.approx(stroke(PORT), rel=0.06)
+
+
+def test_a_soft_edge_counts_less():
+    """Over half of the ring it is blurred by as much as the ring is wide."""
+    T = TILTED[1]
+    sharp = mask_of(T, np.random.default_rng(0), noise=0.02)
+    soft = cv2.GaussianBlur(sharp, (0, 0), 3.0)
+    start = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
+    left = np.arange(CAMERA.width_px) < start.centre_px[0]
+    for edge in contour.trace(start, np.where(left, soft, sharp), 0.4 * start.semi_axes_px[0]).edges:
+        on_left = edge.points_px[:, 0] < start.centre_px[0] - 5
+        assert np.median(edge.sigma_px[on_left]) > 1.5 * np.median(edge.sigma_px[~on_left])
 
 
 def test_without_a_stroke_there_is_no_contour():

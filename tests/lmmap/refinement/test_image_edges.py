@@ -16,7 +16,7 @@ from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
-COVARIANCE = np.diag([0.002**2] * 2 + [0.005**2] + [0.03**2] * 3)
+COVARIANCE = np.diag([0.002**2] * 2 + [0.005**2] + [0.03**2] * 3 + [1.0])
 STEP = np.array([0.001, -0.001, 0.004, 0.02, -0.02, 0.015])
 
 
@@ -51,7 +51,7 @@ def test_a_pose_near_the_truth_comes_nearer(sign):
     truth = pose()
     start = moved(truth, sign * STEP)
     strength, settings = outline.edges(frame(truth)), replace(OURS, edge_rounds=8)
-    refined, covariance = image_edges.refine(start, COVARIANCE, strength, PORT, CAMERA, settings)
+    refined, _, covariance = image_edges.refine(start, 0.0, COVARIANCE, strength, PORT, CAMERA, settings)
     for before, after in zip(errors(start, truth), errors(refined, truth), strict=True):
         assert after < 0.5 * before
     assert np.all(np.linalg.eigvalsh(COVARIANCE - covariance) > 0)  # edges add information
@@ -59,7 +59,7 @@ def test_a_pose_near_the_truth_comes_nearer(sign):
 
 def test_without_edges_the_pose_stays():
     start = moved(pose(), STEP)
-    refined, covariance = image_edges.refine(start, COVARIANCE, np.zeros((260, 346)), PORT, CAMERA)
+    refined, _, covariance = image_edges.refine(start, 0.0, COVARIANCE, np.zeros((260, 346)), PORT, CAMERA)
     assert refined is start and np.array_equal(covariance, COVARIANCE)
 
 
@@ -67,7 +67,7 @@ def test_a_sure_pose_is_not_moved():
     """The pose before counts as its covariance says."""
     truth = pose()
     start, strength = moved(truth, STEP), outline.edges(frame(truth))
-    sure, _ = image_edges.refine(start, 1e-8 * COVARIANCE, strength, PORT, CAMERA)
+    sure, *_ = image_edges.refine(start, 0.0, 1e-8 * COVARIANCE, strength, PORT, CAMERA)
     assert max(errors(sure, start)) < 1e-5
 
 
@@ -80,6 +80,19 @@ def test_a_third_of_a_turn_makes_no_difference():
     for k in (0, 2):
         start = moved(truth, STEP)
         start = Pose(start.rotation @ rotation_z(k * np.pi / 3), start.position_m)
-        refined.append(image_edges.refine(start, COVARIANCE, strength, PORT, CAMERA, settings)[0])
+        refined.append(image_edges.refine(start, 0.0, COVARIANCE, strength, PORT, CAMERA, settings)[0])
     np.testing.assert_allclose(refined[0].position_m, refined[1].position_m, atol=1e-9)
     np.testing.assert_allclose(refined[0].normal, refined[1].normal, atol=1e-9)
+
+
+def test_a_higher_plate_is_told_from_another_pose():
+    """By its rim, against the ring."""
+    truth, settings = pose(), replace(OURS, edge_rounds=8)
+    strength = outline.edges(frame(truth))
+    lower = replace(PORT, plate_height_m=PORT.plate_height_m / 1.1)
+    refined, higher, covariance = image_edges.refine(
+        truth, 0.0, COVARIANCE, strength, lower, CAMERA, settings
+    )
+    assert higher == pytest.approx(0.1 / PORT.plate_height_tolerance, rel=0.35)
+    assert covariance[6, 6] < 0.5
+    assert errors(refined, truth)[1] < np.deg2rad(0.7)

@@ -30,8 +30,8 @@ def turned(T: Pose, axis, angle_deg: float) -> Pose:
     return Pose(turn @ T.rotation, T.position_m)
 
 
-def evidence(T, image, masks, log_odds=10.0):
-    return verify.evidence(T, COVARIANCE, 0.02, log_odds, image, *masks, PORT, CAMERA)
+def evidence(T, image, masks, log_odds=10.0, markers_off_px=0.0):
+    return verify.evidence(T, COVARIANCE, markers_off_px, 0.02, log_odds, image, *masks, PORT, CAMERA)
 
 
 @pytest.mark.parametrize("T", POSES)
@@ -74,7 +74,7 @@ def test_less_certain_poses_are_less_confident():
     image, masks = drawn(POSES[1])
 
     def confidence(covariance, yaw_sigma_rad, log_odds=3.0):
-        of_pose = covariance, yaw_sigma_rad, log_odds, image, *masks, PORT, CAMERA
+        of_pose = covariance, 0.0, yaw_sigma_rad, log_odds, image, *masks, PORT, CAMERA
         return float(verify.confidence(verify.evidence(POSES[1], *of_pose)))
 
     base = confidence(COVARIANCE, 0.02)
@@ -83,9 +83,15 @@ def test_less_certain_poses_are_less_confident():
     assert confidence(COVARIANCE, 0.02, log_odds=0.0) < base
 
 
+def test_markers_off_where_the_port_has_them_lower_the_confidence():
+    image, masks = drawn(POSES[1])
+    doubts = [1 - verify.confidence(evidence(POSES[1], image, masks, 3.0, off_px)) for off_px in (0, 1, 4)]
+    assert doubts[0] < doubts[1] < doubts[2] and doubts[2] > 10 * doubts[0]
+
+
 def test_confidence_is_a_probability():
     rng = np.random.default_rng(0)
-    values = verify.confidence(50 * rng.standard_normal((200, 6)))
+    values = verify.confidence(50 * rng.standard_normal((200, 7)))
     assert values.shape == (200,) and np.all((values >= 0) & (values <= 1))
 
 
