@@ -153,14 +153,17 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
         differences, covariances, faintness, after = [], [], [], []
         for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
             ring_px = known_px * np.sqrt(rings["inflation"])
+            scale = ring_px / refine.sigma_px(ring, modality)
+            edges = [edge._replace(sigma_px=scale * edge.sigma_px)
+                     for edge in refine.ring_edges(ring, port, modality)]  # fmt: skip
             refined = fit.yaw_margin >= OURS.min_yaw_margin and joint.refine(
-                fit.T_cam_port, ring.points_px, reflectors, port, camera, ring_px, marker_px
+                fit.T_cam_port, edges, reflectors, port, camera, marker_px
             )
             T = refined.T_cam_port if refined else fit.T_cam_port
             after.append(errors(T, truth))
             if refined:
                 differences.append(difference(T, truth, port))
-                covariances.append(refined.covariance)
+                covariances.append(refined.covariance[:6, :6])
                 faintness.append(fit.score)
         rows.append(row(modality, marker_px, after, differences, covariances, faintness))
     margin, other_percent = other_yaws(margins, turned, port)
@@ -174,11 +177,11 @@ def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:
     """Of the poses that the module gives, by light: how many true ones lie inside the 95 % region."""
     rows = []
     for (ring, reflectors, fit, truth), light in zip(cases, lights, strict=True):
-        T, covariance, _ = refine.on_masks(
+        T, _, covariance, _ = refine.on_masks(
             fit, ring, reflectors, estimator.port, estimator.grid, estimator.modality
         )
         d = difference(T, truth, estimator.port)
-        (nees,) = mahalanobis(d[None], covariance[None])
+        (nees,) = mahalanobis(d[None], covariance[None, :6, :6])
         inside = nees < chi2.ppf(0.95, 6)
         rows.append({"modality": estimator.modality, "light": light, "inside_percent": 100 * inside})
     inside_percent = pd.DataFrame(rows).groupby(["modality", "light"]).inside_percent

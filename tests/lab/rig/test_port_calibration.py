@@ -2,6 +2,7 @@
 recording of a higher plate gives that height."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.types import Pose
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import WRITERS
+from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import port_calibration, port_views
 from lmmap_lab.rig.port_calibration import adjust
 from lmmap_lab.rig.port_outline import OF_RING, RING_POINTS, dimensions_m, outline, with_dimensions
@@ -216,6 +218,19 @@ def test_a_higher_plate_is_measured_and_gives_poses_as_good_as_the_true_port(hig
             np.median(np.arccos(np.clip(np.sum(T.normal * truth[::3].normal, -1), -1, 1))),
         ])  # fmt: skip
     assert np.all(errors["measured"] < 1.2 * errors["true"] + [2e-4, np.deg2rad(0.05)])
+
+
+def test_a_recording_of_another_port_says_so(higher, tmp_path, capsys):
+    """With the standard port, and neither with its own nor where the standard port is what was built."""
+    _, path, true = higher
+    true.save(own := tmp_path / "own.json")
+    calls = [path], [path, "--track"], [path, "--port", own], [DATA / "mini" / "test-low.aedat4"]
+    note, off_px = re.compile(r"note: the markers lie ([\d.]+) px from .*lmmap calibrate --port"), []
+    for k, call in enumerate(calls):
+        output = ["-o", tmp_path / f"{k}.csv"]
+        assert main.main(["estimate", "--modality", "rgb", *map(str, [*call, *output])]) == 0
+        off_px.append([float(px) for px in note.findall(capsys.readouterr().err)])
+    assert 0.5 < off_px[0][0] < 3 and off_px[1] == off_px[0] and off_px[2:] == [[], []]
 
 
 def test_bad_input_is_one_line(higher, tmp_path, capsys):

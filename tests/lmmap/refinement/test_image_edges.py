@@ -93,6 +93,6 @@ def test_a_higher_plate_is_told_from_another_pose():
     refined, higher, covariance = image_edges.refine(
         truth, 0.0, COVARIANCE, strength, lower, CAMERA, settings
     )
-    assert higher == pytest.approx(0.1 / PORT.plate_height_tolerance, rel=0.35)
-    assert covariance[6, 6] < 0.5
+    sigma = np.sqrt(covariance[6, 6])
+    assert sigma < 0.6 and higher > sigma and abs(higher - 0.1 / PORT.plate_height_tolerance) < 3 * sigma
     assert errors(refined, truth)[1] < np.deg2rad(0.7)
