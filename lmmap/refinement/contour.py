@@ -81,10 +81,9 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        (inner, inner_slope), (outer, outer_slope) = (
-            _half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile)
-        )
-        ends = np.stack([offsets[-1] - 0.5 * inner, offsets[0] + 0.5 * outer])
+        inner, outer = (_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile))
+        falls, slopes = np.stack([inner, outer], 1)  # (2, N), of both edges each
+        ends = np.stack([offsets[-1] - 0.5 * falls[0], offsets[0] + 0.5 * falls[1]])
         shares = ends / radius[:, 0]  # along every ray an annulus is as wide, in radii
         width = shares[1] - shares[0]
         good = np.isfinite(width)
@@ -95,36 +94,35 @@ def trace(
         good &= (width > narrow * typical) & (width < wide * typical)
         if good.mean() < settings.contour_min_rays:
             return None
-        slopes = np.stack([inner_slope, outer_slope])[:, good]
+        slopes = slopes[:, good]
         weights = np.minimum(slopes / np.median(slopes, 1, keepdims=True), 1) ** 2
         edges_px = points[good] + ends[:, good, None] * rays[good]
         start, middle_px = ellipse, edges_px.mean(0)
         ellipse, inlier, sigma_px = _fit_robust(middle_px, start, fits, 2 / np.sum(1 / weights, 0))
-    turn_rad = np.linspace(0, 2 * np.pi, len(points), endpoint=False)[good]
-    each = zip(edges_px, shares[:, good], weights, strict=True)
-    edges = tuple(_edge(*of_edge, turn_rad, start) for of_edge in each)
+    edges = _edges(edges_px, shares[:, good], weights, np.flatnonzero(good) / len(good), start)
     return Contour(ellipse, middle_px[inlier], sigma_px, width=float(typical), edges=edges)
 
 
-def _edge(points_px, share, weight, turn_rad, about: Ellipse) -> Edge:
-    """Those of an edge's points (M, 2) that lie on an ellipse of its own, by their scatter about it.
+def _edges(points_px, shares, weights, turns, about: Ellipse) -> tuple[Edge, ...]:
+    """Those of both edges' points (2, M, 2) that lie on an ellipse of their own, by their scatter about it.
 
-    ``share`` (M,) says how far beyond another ellipse they are, in its radii, at eccentric anomalies (M,).
-    For an ellipse near that one it is a sum of harmonics up to the second.
+    ``shares`` (2, M) say how far beyond another ellipse they are, in its radii, at eccentric anomalies (M,)
+    in turns.  For an ellipse near that one it is a sum of harmonics up to the second.
     """
-    c, s = np.cos(turn_rad), np.sin(turn_rad)
-    harmonics = np.stack([np.ones_like(c), c, s, c * c - s * s, c * s], -1)
+    c, s = np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)
+    harmonics = np.stack([np.ones_like(c), c, s, c * c - s * s, c * s])
     major_px, minor_px = about.semi_axes_px
     across_px = major_px * minor_px / np.hypot(major_px * s, minor_px * c)  # of one radius
-    own = np.ones(len(c), bool)
-    for _ in range(3):
-        weighted = harmonics.T * (weight * own)
-        fitted = np.linalg.solve(weighted @ harmonics + 1e-9 * np.eye(5), weighted @ share)
-        gap_px = np.abs(share - harmonics @ fitted) * across_px
-        own = gap_px < TUKEY * max(1.48 * np.median(gap_px), 1e-9)
-    w = weight[own]
-    variance = np.sum(w * gap_px[own] ** 2) / max(w.sum() - 5, 1)
-    return Edge(points_px[own], np.sqrt(variance / w))
+    own = np.ones(shares.shape, bool)
+    for _ in range(2):
+        weighted = harmonics * (weights * own)[:, None]
+        fitted = np.linalg.solve(weighted @ harmonics.T + 1e-9 * np.eye(5), weighted @ shares[..., None])
+        gap_px = np.abs(shares - fitted[..., 0] @ harmonics) * across_px
+        own = gap_px < TUKEY * np.maximum(1.48 * np.median(gap_px, 1, keepdims=True), 1e-9)
+    w = weights * own
+    variance = np.sum(w * gap_px**2, 1, keepdims=True) / np.maximum(w.sum(1, keepdims=True) - 5, 1)
+    sigma_px = np.sqrt(variance / weights)
+    return tuple(Edge(at[on], sigma[on]) for at, on, sigma in zip(points_px, own, sigma_px, strict=True))
 
 
 def _half_height(profile, floor: float) -> tuple[np.ndarray, np.ndarray]:

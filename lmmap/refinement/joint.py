@@ -85,7 +85,7 @@ def refine(
         weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
 
         # Gauss-Newton: (J' W J) step = J' W r, solved with unit diagonal and a ridge of 1e-9
-        rows = [_ring_rows(steps, edge, port, camera) for edge in ring]
+        rows = (_ring_rows(steps, edge, port, camera) for edge in ring)
         J, r = map(np.concatenate, zip(*rows, (J_edge, -gap_px / marker_sigma_px), strict=True))
         w = np.append(np.ones(len(r) - len(weight)), weight)
         normal_matrix = (J.T * w) @ J + PRIOR
