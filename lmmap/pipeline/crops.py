@@ -56,10 +56,8 @@ def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, s
 
 def mask_about(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
     """A network's mask (H, W) of an image: right within a box, and zero beyond the crop that this needs."""
-    crop, mask = (
-        crop_bounds(low_px, high_px, image.shape[1::-1], network),
-        np.zeros(image.shape[:2], np.float32),
-    )
+    crop = crop_bounds(low_px, high_px, image.shape[1::-1], network)
+    mask = np.zeros(image.shape[:2], np.float32)
     mask[crop] = network(image[crop])
     return mask
 

@@ -122,9 +122,8 @@ def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:
 def _finite(points_px):
     points = np.asarray(points_px, float).reshape(-1, 2)
     if not np.all(np.isfinite(points)):
-        raise ValueError(
-            f"points_px: expected (M, 2) finite values, got {np.sum(~np.isfinite(points))} others"
-        )
+        others = np.sum(~np.isfinite(points))
+        raise ValueError(f"points_px: expected (M, 2) finite values, got {others} others")
     return points
 
 

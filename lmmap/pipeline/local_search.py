@@ -58,10 +58,9 @@ def fit_local(
     for k in np.argsort(-contrasts, kind="stable"):
         best = Ellipse(ellipses.centre_px[k], ellipses.semi_axes_px[k], ellipses.angle_rad[k])
         inliers = np.abs(sampson_distance(theta[k], x)) < tolerance
-        if (
-            contrasts[k] >= settings.min_contrast
-            and arc_coverage(best, points[inliers]) >= settings.min_arc_coverage
-        ):
+        if contrasts[k] < settings.min_contrast:
+            break
+        if arc_coverage(best, points[inliers]) >= settings.min_arc_coverage:
             return best, inliers
     return nothing
 

@@ -33,10 +33,8 @@ def edges(image) -> np.ndarray:
     if image.ndim == 3:
         root = np.sqrt(cv2.transform(image, np.full((1, 3), 1 / 3, np.float32)))
         root = cv2.GaussianBlur(root, (0, 0), EDGE_BLUR_PX)
-        strength, noise = (
-            cv2.magnitude(*(cv2.Scharr(root, -1, *d) / 32 for d in ((1, 0), (0, 1)))),
-            NOISE["rgb"],
-        )
+        strength = cv2.magnitude(*(cv2.Scharr(root, -1, *d) / 32 for d in ((1, 0), (0, 1))))
+        noise = NOISE["rgb"]
     else:
         strength = cv2.GaussianBlur(np.minimum(image, SATURATED), (0, 0), EDGE_BLUR_PX)
         noise = NOISE["event"]

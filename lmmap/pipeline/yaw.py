@@ -73,15 +73,8 @@ def paper_yaw(
     return _fit(hypotheses[[0, 1], best], total.max(1), mean[[0, 1], best])
 
 
-def fast_yaw(
-    reflector_mask,
-    T_cam_port: Pose,
-    port: Port,
-    camera: Camera,
-    settings: Settings = OURS,
-    edges=None,
-    weights=None,
-) -> YawFit:
+def fast_yaw(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings = OURS,
+             edges=None, weights=None) -> YawFit:  # fmt: skip
     """Both normals at every yaw by one circular correlation each, to a fraction of a degree.
 
     The mask is warped to polar coordinates of the markers' plane (z = plate height), where yaw is a
@@ -113,9 +106,8 @@ def fast_yaw(
     mean, area = sample(mask, outlines[:, :, 4:]).mean((1, 2)), _area_px(outlines[:, :, :4])
     sigma_rad = settings.yaw_inflation * sigma_rad / np.maximum(mean, 1e-3)  # faint markers err more
     unknown_rad = port.yaw_period_rad / np.sqrt(12)
-    sigma_rad = np.where(
-        yaw_margin >= settings.min_yaw_margin, np.minimum(sigma_rad, unknown_rad), unknown_rad
-    )
+    known = yaw_margin >= settings.min_yaw_margin
+    sigma_rad = np.where(known, np.minimum(sigma_rad, unknown_rad), unknown_rad)
     if edges is None:
         return _fit(poses, mean * np.sqrt(area), mean, sigma_rad, yaw_margin)
     probability = np.exp(criterion.max(1) - criterion.max())

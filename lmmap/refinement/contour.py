@@ -81,8 +81,8 @@ def trace(
         grid = points[:, None] + offsets[:, None] * rays[:, None]
         grid = distort_points(grid, camera) if camera else grid
         profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        inner, outer = (_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile))
-        falls, slopes = np.stack([inner, outer], 1)  # (2, N), of both edges each
+        edges = (_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile))
+        falls, slopes = np.stack(list(edges), 1)  # (2, N) each, of the inner and the outer edge
         ends = np.stack([offsets[-1] - 0.5 * falls[0], offsets[0] + 0.5 * falls[1]])
         shares = ends / radius[:, 0]  # along every ray an annulus is as wide, in radii
         width = shares[1] - shares[0]

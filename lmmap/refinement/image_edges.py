@@ -107,8 +107,5 @@ def _outline(port: Port) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         points.append(side @ turn.T)
         beside.append((side + np.array([OUTWARD_M, 0, 0])) @ turn.T)
     on_ring = np.repeat([True, False], [2 * RING_POINTS, len(sides) * SIDE_POINTS])
-    return (
-        frozen_array(np.concatenate(points)),
-        frozen_array(np.concatenate(beside)),
-        frozen_array(on_ring, bool),
-    )
+    points, beside = (frozen_array(np.concatenate(part)) for part in (points, beside))
+    return points, beside, frozen_array(on_ring, bool)

@@ -50,15 +50,8 @@ class JointFit:
     edges: int
 
 
-def refine(
-    T_cam_port: Pose,
-    ring: Sequence[RingEdge],
-    reflector_mask,
-    port: Port,
-    camera: Camera,
-    marker_sigma_px: float,
-    settings: Settings = OURS,
-) -> JointFit | None:
+def refine(T_cam_port: Pose, ring: Sequence[RingEdge], reflector_mask, port: Port, camera: Camera,
+           marker_sigma_px: float, settings: Settings = OURS) -> JointFit | None:  # fmt: skip
     """Gauss-Newton on the ring's edges and the markers' edge points, each in units of its own standard
     deviation; None where too few edges of markers are seen to add anything.
 

@@ -112,15 +112,8 @@ def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) ->
     return J.T @ J
 
 
-def pose_uncertainty(
-    T_cam_port: Pose,
-    points_px,
-    sigma_px: float,
-    radius_m: float,
-    camera: Camera,
-    yaw_sigma_rad: float = 0.0,
-    merged: float = OURS.merged_sigmas,
-) -> Uncertainty:
+def pose_uncertainty(T_cam_port: Pose, points_px, sigma_px: float, radius_m: float, camera: Camera,
+                     yaw_sigma_rad=0.0, merged=OURS.merged_sigmas) -> Uncertainty:  # fmt: skip
     """Uncertainty of an exact circle pose whose ellipse was fitted to contour points (M, 2) px.
 
     Parameters

@@ -21,19 +21,14 @@ from ..types.arrays import frozen_array
 OF_RING = 5  # of the evidence; the last of them is of the yaw as well
 ANGLES = 72
 RADII = np.arange(0.68, 1.0151, 0.015)  # of the unwrapped ring plane, in ring radii
-EDGE_NEAR, EDGE_FAR = (
-    0.0375,
-    0.0925,
-)  # from an edge: where it is looked for, and where nothing may be stronger
+EDGE_NEAR, EDGE_FAR = 0.0375, 0.0925  # from an edge: it is looked for here, nothing stronger there
 BLUR_PX = 0.7  # of the image before its edges are measured
 SATURATED = 8  # events of a pixel that count as an edge as strong as any
 INSIDE = 0.06  # of the ring's radius, within its inner edge: from there the mask should be empty
 HALO_M = 0.004  # about a marker's outline, what a mask's blur of two pixels spreads
 NEIGHBOURHOOD_M = 0.062  # radius about the port's axis in which the markers' mask is to be explained
 STEP_M = 0.002
-TOUCHING_M = (
-    0.001  # along a ray: a part that stands so little before a point touches it, and does not hide it
-)
+TOUCHING_M = 0.001  # along a ray: a part so little before a point touches it, and does not hide it
 
 
 def hidden(points_m, eye_m, port: Port) -> np.ndarray:
@@ -108,11 +103,8 @@ def _light(image) -> np.ndarray:
     """What the edges of an image are measured on, blurred, (H, W): the square root of a frame's light, as its
     noise is then alike everywhere, or a histogram's counts."""
     image = np.asarray(image, np.float32)
-    values = (
-        np.sqrt(cv2.transform(image, np.full((1, 3), 1 / 3)))
-        if image.ndim == 3
-        else np.minimum(image, SATURATED)
-    )
+    grey = cv2.transform(image, np.full((1, 3), 1 / 3)) if image.ndim == 3 else None
+    values = np.minimum(image, SATURATED) if grey is None else np.sqrt(grey)
     return cv2.GaussianBlur(values, (0, 0), BLUR_PX)
 
 

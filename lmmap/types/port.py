@@ -10,11 +10,8 @@ from scipy.spatial.transform import Rotation
 from .. import camera_files
 from .checks import check_number
 
-TOLERANCES = (
-    "plate_height_tolerance",
-    "marker_radius_tolerance",
-    "marker_size_tolerance",
-    "ring_width_tolerance",
+TOLERANCES = tuple(
+    f"{what}_tolerance" for what in ("plate_height", "marker_radius", "marker_size", "ring_width")
 )
 ROUNDING_M = 1e-9  # by which parts that touch may seem to overlap
 
