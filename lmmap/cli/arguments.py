@@ -16,6 +16,7 @@ ESTIMATE = """examples:
   lmmap estimate run.aedat4 --modality event -o poses.csv --resume     after Ctrl-C
   lmmap estimate run.aedat4 --modality fused --track -o poses.csv      faster: each image where it is expected
   lmmap estimate run.aedat4 --modality event --track --between 500 -o poses.csv    events, too
+  lmmap estimate run.bag --modality fused --adapt 30 -o poses.csv      by networks that learned its first 30 s
   lmmap estimate run.h5 --modality event --rate 10 -o camera.tum       a trajectory in TUM's format
   lmmap estimate bag --modality rgb -o poses.mcap --frame-id front_camera     for RViz and Foxglove
   lmmap estimate run.aedat4 --modality fused --rate 10 -o poses.csv    and each camera's poses beside it
@@ -75,6 +76,8 @@ def _estimate(commands: Commands) -> None:
     commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
     command.add_argument("--track", action="store_true", help="look where earlier images predict the port")
     _add_between(command, "with --track")
+    text = "let the networks learn the place from so much of the recording's beginning; needs the laboratory"
+    command.add_argument("--adapt", type=float, metavar="SECONDS", help=text)
     text = "go on with an interrupted --output; OUTPUT.made-of beside it says what it was made of"
     command.add_argument("--resume", action="store_true", help=text)
     command.add_argument("--json", action="store_true", help="print the summary as JSON")

@@ -28,6 +28,7 @@ from ..recordings.stream import Stream
 from ..settings import MODALITIES, Settings
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
+from . import plugins
 from .inputs import (
     as_read,
     can_be_fused,
@@ -46,6 +47,8 @@ def estimate(a) -> None:
     """Poses of a recording: of each image of one camera, of both fused, or of a track."""
     _check(a)
     stream = open_input(a)
+    if a.adapt is not None:
+        a.weights = _adapted(a)
     modalities = MODALITIES if a.modality == "fused" else (a.modality,)
     estimators = {m: make_estimator(a, stream.camera, m) for m in modalities}
     if a.modality == "fused":
@@ -81,6 +84,13 @@ def estimate(a) -> None:
             raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings, a.rate)
     _doubt_port(off_px, first.settings)
     _report(a, journal, resumed, stopped, between)
+
+
+def _adapted(a) -> Path:
+    """Networks that another package makes of the recording's first part."""
+    for function in plugins.entry_points(plugins.NETWORKS).values():
+        return plugins.call("--adapt", function, a)
+    raise plugins.NotInstalled(f"--adapt: needs the laboratory of the book; {plugins.INSTALL}")
 
 
 def _check(a) -> None:

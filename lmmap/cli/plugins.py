@@ -7,8 +7,8 @@ from importlib import metadata
 
 from ..files import InputError
 
-COMMANDS, TRUTHS = "lmmap.commands", "lmmap.truths"  # groups of entry points
-INSTALL = "pip install 'lmmap[lab]'"  # the laboratory of the book, which uses both groups
+COMMANDS, TRUTHS, NETWORKS = "lmmap.commands", "lmmap.truths", "lmmap.networks"  # groups of entry points
+INSTALL = "pip install 'lmmap[lab]'"  # the laboratory of the book, which uses all groups
 
 
 class NotInstalled(InputError):

@@ -12,7 +12,7 @@ from ..settings import OURS, Settings, scaled_count
 from ..types import Camera, Estimate, Port, check_time
 from .inputs import AnyCamera, as_camera, check_image
 from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
-from .weights import load_networks
+from .weights import load_networks, own_limit
 
 Mask = Callable[[np.ndarray], np.ndarray]
 Weights = str | Path | tuple[Mask, Mask]
@@ -40,10 +40,13 @@ class ImageEstimator:
         self.modality, self.settings = modality, settings or settings_for(self.camera)
         self.grid = network_camera(self.camera, modality, self.settings)
         warn_of_lens(self.camera, self.port, self.settings)
-        named = isinstance(weights, str | Path)
-        self.ring_network, self.reflector_network = (
-            load_networks(weights, modality, precision) if named else weights
-        )
+        if not isinstance(weights, str | Path):
+            self.ring_network, self.reflector_network = weights
+            return
+        self.ring_network, self.reflector_network = load_networks(weights, modality, precision)
+        limits = self.settings.min_confidence
+        if (least := own_limit(weights, modality)) > limits[modality]:
+            self.settings = replace(self.settings, min_confidence=replace(limits, **{modality: least}))
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
         """The estimate of one image; a failed measurement is a status, not an exception.

@@ -106,6 +106,18 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
     return [Path(weights) / path.name for path in paths]
 
 
+def own_limit(weights: str | Path, modality: str) -> float:
+    """The confidence that poses of these networks have to reach by their cards, beside the settings' own; 0
+    where the cards state none."""
+    limits = [load_card(path).get("min_confidence", 0.0) for path in network_paths(weights, modality)]
+    for limit in limits:
+        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 <= limit <= 2:
+            raise InputError(
+                f"{weights}: a card's min_confidence is {limit!r:.40}, not a number from 0 to 1; restore it"
+            )
+    return max(limits)
+
+
 def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
     """The networks of the ring and of the reflectors by `network_paths`; errors as `load_filter`."""
     return [load_network(path, modality, precision) for path in network_paths(weights, modality)]

@@ -27,20 +27,26 @@ def expected_ring(
     the ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
     That of the markers is about both poses that the expected ellipse leaves open.
     """
-    poses = _standard_deviations(state)
-    points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
+    points_px, sigma_px = ring_spread_px(state, port, camera)
     ellipse = circle_ellipse(state.T_cam_port, port.ring_radius_m, camera)
-    if not (np.isfinite(points_px).all() and is_view(ellipse, camera)):
+    if not (np.isfinite(sigma_px).all() and is_view(ellipse, camera)):
         return None
-    sigma_px = np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
     margin_px = settings.crop_sigmas * sigma_px + strip_px(ellipse, port, settings) + 1
-    low_px, high_px = (points_px[0] - margin_px).min(0), (points_px[0] + margin_px).max(0)
+    low_px, high_px = (points_px - margin_px).min(0), (points_px + margin_px).max(0)
     if np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1):
         return None
     border_px = settings.marker_border_px + settings.crop_sigmas * sigma_px.max() + 1
     both = circle.poses(ellipse, camera, port.ring_radius_m)
     markers = markers_box_px(both, port, camera, border_px)
     return Expected(ellipse, Box(low_px, high_px), markers)
+
+
+def ring_spread_px(state: MotionState, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Points (36, 2) of the ring of a state, and their standard deviations along u and v; not finite where
+    one is behind the camera."""
+    poses = _standard_deviations(state)
+    points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
+    return points_px[0], np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
 
 
 def _standard_deviations(state: MotionState) -> Pose:

@@ -44,14 +44,18 @@ def base_sequence(name: str) -> laboratory.Sequence:
     return laboratory.sequence(f"{kind}-{FIRST + 3 * number + LEVELS.index(light)}")
 
 
-def record_varied(name: str) -> Recording:
-    """A short recording of the port `draw_port` in the laboratory of this name."""
+def record_varied(name: str, seconds: float | None = None, port: Port | None = None) -> Recording:
+    """A recording of a port in the laboratory of this name; by default a short one of `draw_port`."""
     seq = base_sequence(name)
     rng = seq.rng("varied")
     cover = printed_panel if name.startswith("printed") else panel
     setup = sequences.Setup(cover, lamps, backdrop, PaintedPort.draw(rng), rng.uniform(0.4, 1.1))
     return sequences.simulate(
-        seq.name, SECONDS[seq.light], sensor=draw_sensor(rng), setup=setup, port=draw_port(seq)
+        seq.name,
+        seconds or SECONDS[seq.light],
+        sensor=draw_sensor(rng),
+        setup=setup,
+        port=port or draw_port(seq),
     )
 
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 
-from lmmap.cli.choices import DOMAIN_GAPS, MODALITIES
+from lmmap.cli.choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, MODALITIES
 from lmmap.cli.commands import Commands
 
 # of modules that take seconds to import, while --help is to answer at once; tests compare them
 FILTERS, PROFILES = ("ring", "reflector"), ("quick", "paper")
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 
+ADAPT = """examples:
+  lmmap adapt run.bag -o networks                    then: lmmap estimate run.bag --weights networks ...
+  lmmap adapt run.aedat4 --modality event --seconds 30 -o networks
+"""
 SIMULATE = """examples:
   lmmap simulate --sequence test-medium --seconds 10 -o demo.aedat4
   lmmap simulate --sequence test-low test-high -o {}.bag
@@ -32,6 +36,26 @@ CALIBRATE = """examples:
 EXPORT = """examples:
   lmmap export robust -o onnx       four networks, and lmmap.json with all else that an integrator needs
 """
+
+
+def adapt(commands: Commands) -> None:
+    text = "let the mask networks learn the place that a recording shows, without any truth"
+    command = commands.add("adapt", "lmmap_lab.cli.adapting:run", text, ADAPT)
+    commands.add_recording(command)
+    text = "cameras whose poses teach, and whose networks learn (default: both)"
+    command.add_argument("--modality", choices=(*MODALITIES, "both"), default="both", help=text)
+    commands.add_file(command, "--port", help="geometry of another port (JSON)")
+    text = f"set of mask networks to begin with (default: {DEFAULT_WEIGHTS})"
+    command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    text = "mask networks of your own to begin with"
+    command.add_argument("--weights", metavar="FOLDER", help=text)
+    text = "learn from so much of the recording's beginning (default: all)"
+    command.add_argument("--seconds", type=float, help=text)
+    command.add_argument("--steps", type=int, default=200, help="of each network (default: 200)")
+    command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
+    text = "folder for the networks, which --weights takes; the same call goes on with it"
+    commands.add_file(command, "-o", "--output", metavar="FOLDER", required=True, help=text)
+    command.add_argument("--json", action="store_true", help="print the outcome as JSON")
 
 
 def simulate(commands: Commands) -> None:

@@ -115,12 +115,14 @@ def check(views: Views, name: str) -> None:
     )
 
 
-def spread(T_cam_port: Pose, most: int) -> np.ndarray:
+def spread(T_cam_port: Pose, most: int, other: np.ndarray | None = None) -> np.ndarray:
     """Indices, in order, of at most so many of the poses (N,): first the view nearest to the median, then
-    always the one most unlike those before, in tilt, its azimuth and distance."""
+    always the one most unlike those before, in tilt, its azimuth and distance, and in ``other`` values
+    (N, K), which differ by one between different views."""
     seen_from_m = T_cam_port.inverse.position_m
     distance_m = np.linalg.norm(seen_from_m, axis=-1, keepdims=True)
     view = np.hstack([seen_from_m[:, :2] / distance_m / VIEW_NORMAL, np.log(distance_m) / VIEW_LOG_DISTANCE])
+    view = view if other is None else np.hstack([view, other])
     chosen = [int(np.argmin(np.linalg.norm(view - np.median(view, 0), axis=1)))]
     nearest = np.full(len(view), np.inf)
     while len(chosen) < min(most, len(view)):

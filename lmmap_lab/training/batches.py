@@ -1,61 +1,98 @@
-"""Batches of crops that worker processes make ahead."""
+"""The batches that a filter learns from, and a step on one of them."""
 
 from __future__ import annotations
 
-import mmap
-import multiprocessing
-from collections.abc import Iterator
+from typing import Protocol
 
-import cv2
 import numpy as np
 import torch
+from torch.nn import functional as F
 
-from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.network import FilterNet, encode
+from lmmap.settings import PAPER
 
-from . import dataset
+from . import augment
 from .recipe import Recipe
-from .train import make_batch
-
-AHEAD = 4  # batches that a worker makes before they are asked for
 
 
-class Batches:
-    """The batches of consecutive steps, made ahead by worker processes in turn.
+class AnySamples(Protocol):
+    """Images and one filter's masks of them, as `dataset.Samples`."""
 
-    Inputs are in half precision: counts are exact in it, and frames finer than in training's bfloat16.
+    def __len__(self) -> int: ...
+
+    def mask(self, index: int) -> np.ndarray:
+        """Boolean mask (H, W)."""
+
+    def image(self, index: int, events: int) -> np.ndarray:
+        """Frame (H, W, 3), or histogram (H, W) of so many events."""
+
+
+def make_batch(samples: AnySamples, recipe: Recipe, step: int):
+    """Crops of step ``step``.  They depend on the recipe's seed and the step alone, so that runs resume.
+
+    Returns
+    -------
+    input (B, C, S, S) f32, target (B, 1, S, S) f32
     """
-
-    def __init__(self, samples: dataset.Samples, recipe: Recipe, first: int, workers: int):
-        self._first, self._steps, size = first, recipe.steps, recipe.crop_px
-        self._x = _shared((workers, AHEAD, recipe.batch, CHANNELS[recipe.modality], size, size), np.float16)
-        self._y = _shared((workers, AHEAD, recipe.batch, 1, size, size), np.bool_)
-        fork = multiprocessing.get_context("fork")  # before anything else computes: workers share the memory
-        self._free = [fork.Semaphore(AHEAD) for _ in range(workers)]
-        self._ready = [fork.Semaphore(0) for _ in range(workers)]
-        self._processes = [fork.Process(target=self._work, args=(w, samples, recipe), daemon=True)
-                           for w in range(workers)]  # fmt: skip
-        for process in self._processes:
-            process.start()
-
-    def _work(self, worker: int, samples, recipe) -> None:
-        torch.set_num_threads(1)
-        cv2.setNumThreads(0)
-        for k, step in enumerate(range(self._first + worker, self._steps, len(self._free))):
-            x, y = make_batch(samples, recipe, step)
-            self._free[worker].acquire()
-            self._x[worker, k % AHEAD], self._y[worker, k % AHEAD] = x.numpy(), y.numpy()
-            self._ready[worker].release()
-
-    def __iter__(self) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-        for i in range(self._steps - self._first):
-            k, worker = divmod(i, len(self._free))
-            while not self._ready[worker].acquire(timeout=10):
-                if not self._processes[worker].is_alive():
-                    raise RuntimeError(f"the worker that makes step {self._first + i} has died")
-            yield torch.from_numpy(self._x[worker, k % AHEAD]), torch.from_numpy(self._y[worker, k % AHEAD])
-            self._free[worker].release()
+    rng = np.random.default_rng([recipe.seed, step])
+    pairs = [_crop(samples, recipe, rng) for _ in range(recipe.batch)]
+    x, y = (np.stack([pair[i] for pair in pairs]) for i in (0, 1))
+    return encode(x, recipe.modality), torch.from_numpy(y).float().unsqueeze(1)
 
 
-def _shared(shape, dtype) -> np.ndarray:
-    memory = mmap.mmap(-1, int(np.prod(shape)) * np.dtype(dtype).itemsize)
-    return np.frombuffer(memory, dtype).reshape(shape)
+def _crop(samples, recipe, rng):
+    """One varied crop and its mask."""
+    index, size = rng.integers(len(samples)), recipe.crop_px
+    mask, other = samples.mask(index), rng.integers(len(samples))
+    events = PAPER.events_per_window
+    if recipe.robust:
+        events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
+    corner = rng.integers(0, np.array(mask.shape) - size + 1)
+    positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
+    if len(positive):
+        pixel = np.array(np.unravel_index(positive[rng.integers(len(positive))], mask.shape))
+        corner = np.clip(pixel - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
+    window = tuple(slice(a, a + size) for a in corner)
+    image = samples.image(index, events)[window].astype(np.float32)
+    image, mask = augment.flip([image, mask[window]], rng)
+    if not recipe.robust:
+        return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
+    cover = samples.image(other, events)[window].astype(np.float32)
+    if samples.mask(other)[window].any():
+        cover = np.zeros_like(image)  # something plain and dark instead
+    vary = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
+    return vary(image, mask, cover, rng)
+
+
+def half_precision(device: torch.device, cache: bool = True):
+    """Autocast to bfloat16 on a GPU, and on processors with AVX-512; others emulate it, eight times slower
+    than float32.  Weights that are cast once are kept, but not where a graph of the step is recorded."""
+    fast = device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
+    return torch.autocast(device.type, torch.bfloat16, enabled=fast, cache_enabled=cache)
+
+
+def taught(teacher: FilterNet | None, x, y):
+    """What is to be learned: the true masks, or their mean with the teacher's (Hinton et al. 2015)."""
+    return y if teacher is None else (y + torch.sigmoid(teacher(x).float())) / 2
+
+
+def learning_rate(recipe: Recipe, step: int) -> float:
+    """A warm-up, then half a cosine down to zero."""
+    warm_up = min((step + 1) / recipe.warm_up, 1)
+    return recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
+
+
+def take_step(net, adam, pair, recipe, step, teacher=None) -> float:
+    """One step of Adam; returns its loss."""
+    net.train()
+    for group in adam.param_groups:
+        group["lr"] = learning_rate(recipe, step)
+    device = next(net.parameters()).device
+    x = pair[0].to(device, memory_format=torch.channels_last)
+    with half_precision(device):
+        logits, target = net(x), taught(teacher, x, pair[1].to(device))
+    loss = F.binary_cross_entropy_with_logits(logits.float(), target)
+    adam.zero_grad()
+    loss.backward()
+    adam.step()
+    return loss.item()

@@ -1,11 +1,10 @@
-"""What a training begins with and learns from: network, teacher, precision, rate, and what its card says."""
+"""What a training begins with and learns from: its network and teacher, and what its card says."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from lmmap.pipeline.network import CHANNELS, FilterNet
@@ -37,17 +36,6 @@ def teacher_of(recipe: Recipe, device) -> FilterNet | None:
     return net.to(device, memory_format=torch.channels_last).requires_grad_(False)
 
 
-def taught(teacher: FilterNet | None, x, y):
-    """What is to be learned: the true masks, or their mean with the teacher's (Hinton et al. 2015)."""
-    return y if teacher is None else (y + torch.sigmoid(teacher(x).float())) / 2
-
-
-def learning_rate(recipe: Recipe, step: int) -> float:
-    """A warm-up, then half a cosine down to zero."""
-    warm_up = min((step + 1) / recipe.warm_up, 1)
-    return recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
-
-
 def card_of(recipe: Recipe, samples, held_out, prior: float, device: str, curve: list) -> dict:
     """What a model card says of a training."""
     of_others = {
@@ -61,10 +49,3 @@ def card_of(recipe: Recipe, samples, held_out, prior: float, device: str, curve:
             "training_images": len(samples), "validation_images": len(held_out),
             "device": device, "threads": torch.get_num_threads(), "torch": torch.__version__,
             **of_others, "curve": curve}  # fmt: skip
-
-
-def half_precision(device: torch.device, cache: bool = True):
-    """Autocast to bfloat16 on a GPU, and on processors with AVX-512; others emulate it, eight times slower
-    than float32.  Weights that are cast once are kept, but not where a graph of the step is recorded."""
-    fast = device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
-    return torch.autocast(device.type, torch.bfloat16, enabled=fast, cache_enabled=cache)

@@ -16,9 +16,10 @@ from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import save_weights
 
 from . import dataset
-from .batches import Batches
+from .ahead import Batches
+from .batches import half_precision, learning_rate, taught
 from .checkpoint import resume, save_checkpoint, saved_step
-from .learning import card_of, half_precision, learning_rate, taught, teacher_of, untrained
+from .learning import card_of, teacher_of, untrained
 from .recipe import Recipe
 from .train import CHECKED_IMAGES, VALIDATION_IMAGES, validate
 

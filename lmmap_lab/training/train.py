@@ -18,52 +18,15 @@ from torch.nn import functional as F
 from lmmap.files import tune_allocator
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.pipeline.weights import load_card, save_weights, weight_path
-from lmmap.settings import PAPER
 
-from . import augment, dataset
+from . import dataset
+from .batches import half_precision, make_batch, take_step
 from .checkpoint import resume, save_checkpoint
-from .learning import card_of, half_precision, learning_rate, shipped, taught, teacher_of, untrained
+from .learning import card_of, shipped, teacher_of, untrained
 from .recipe import Recipe
 
 CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
 VALIDATION_IMAGES = 128  # of the last check, spread evenly
-
-
-def make_batch(samples: dataset.Samples, recipe: Recipe, step: int):
-    """Crops of step ``step``.  They depend on the recipe's seed and the step alone, so that runs resume.
-
-    Returns
-    -------
-    input (B, C, S, S) f32, target (B, 1, S, S) f32
-    """
-    rng = np.random.default_rng([recipe.seed, step])
-    pairs = [_crop(samples, recipe, rng) for _ in range(recipe.batch)]
-    x, y = (np.stack([pair[i] for pair in pairs]) for i in (0, 1))
-    return encode(x, recipe.modality), torch.from_numpy(y).float().unsqueeze(1)
-
-
-def _crop(samples, recipe, rng):
-    """One varied crop and its mask."""
-    index, size = rng.integers(len(samples)), recipe.crop_px
-    mask, other = samples.mask(index), rng.integers(len(samples))
-    events = PAPER.events_per_window
-    if recipe.robust:
-        events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
-    corner = rng.integers(0, np.array(mask.shape) - size + 1)
-    positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
-    if len(positive):
-        pixel = np.array(np.unravel_index(positive[rng.integers(len(positive))], mask.shape))
-        corner = np.clip(pixel - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)
-    window = tuple(slice(a, a + size) for a in corner)
-    image = samples.image(index, events)[window].astype(np.float32)
-    image, mask = augment.flip([image, mask[window]], rng)
-    if not recipe.robust:
-        return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
-    cover = samples.image(other, events)[window].astype(np.float32)
-    if samples.mask(other)[window].any():
-        cover = np.zeros_like(image)  # something plain and dark instead
-    vary = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
-    return vary(image, mask, cover, rng)
 
 
 @torch.inference_mode()
@@ -126,7 +89,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     start_s, losses = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
-            losses.append(_step(net, adam, teacher, make_batch(samples, recipe, step), recipe, step))
+            losses.append(take_step(net, adam, make_batch(samples, recipe, step), recipe, step, teacher))
             last = step + 1 == recipe.steps
             if last or (step + 1) % every == 0:
                 fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
@@ -144,19 +107,3 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         card["network"] = network.__name__
     save_weights(net, path, card)
     return path
-
-
-def _step(net, adam, teacher, pair, recipe, step) -> float:
-    """Take one step of Adam; returns its loss."""
-    net.train()
-    for group in adam.param_groups:
-        group["lr"] = learning_rate(recipe, step)
-    device = next(net.parameters()).device
-    x = pair[0].to(device, memory_format=torch.channels_last)
-    with half_precision(device):
-        logits, target = net(x), taught(teacher, x, pair[1].to(device))
-    loss = F.binary_cross_entropy_with_logits(logits.float(), target)
-    adam.zero_grad()
-    loss.backward()
-    adam.step()
-    return loss.item()

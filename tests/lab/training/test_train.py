@@ -2,7 +2,7 @@
 
 import json
 import resource
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest

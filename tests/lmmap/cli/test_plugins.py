@@ -29,6 +29,16 @@ def lack(a):
 
 def err(a):
     import lmmap.absent
+
+def learned(a):
+    import shutil
+    from lmmap.pipeline.weights import network_paths
+    folder = a.output.with_suffix(f".{a.adapt:g}s")
+    folder.mkdir()
+    for path in network_paths("low", a.modality):
+        shutil.copy(path, folder)
+        shutil.copy(path.with_suffix(".json"), folder)
+    return folder
 """
 ENTRIES = """[console_scripts]
 greet = elsewhere:main
@@ -126,3 +136,23 @@ def test_a_bag_with_a_rig_takes_its_truth_from_another_package(tmp_path, monkeyp
     assert main.main([*evaluate, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)["rgb"]
     assert report["images"] > 0 and report["position_error_median_mm"] < 20
+
+
+def test_estimate_takes_networks_that_another_package_makes_of_the_recording(
+    other, lmmap, monkeypatch, tmp_path
+):
+    def estimated(name, *options):
+        path = tmp_path / name
+        code, _, err = lmmap("estimate", drawn.file(), "--modality", "rgb", "--rate", 5, "-o", path, *options)
+        return code, err, path
+
+    monkeypatch.setattr(plugins, "entry_points", lambda group: {})
+    code, err, path = estimated("none.csv", "--adapt", 2)
+    assert (code, err) == (1, f"lmmap: --adapt: needs the laboratory of the book; {plugins.INSTALL}\n")
+    assert not path.exists()
+    mine = {plugins.NETWORKS: {"adapt": "other_words:learned"}}
+    monkeypatch.setattr(plugins, "entry_points", lambda group: mine.get(group, {}))
+    code, _, path = estimated("adapted.csv", "--adapt", 2)
+    assert code == 0
+    same = estimated("same.csv", "--weights", tmp_path / "adapted.2s")[2]
+    assert path.read_bytes() == same.read_bytes()

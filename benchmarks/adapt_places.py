@@ -1,0 +1,155 @@
+"""Before and after: networks that learn the first part of a recording by themselves, judged on its later
+part.
+
+    python benchmarks/adapt_places.py rows.csv realistic-52002:60 varied-2003:20 run.bag
+    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 100 200 400
+    python benchmarks/adapt_places.py rows.csv realistic-52002:400 --weights high --seconds 20 60 200 --from
+    200 python benchmarks/adapt_places.py rows.csv realistic-52002:60=realistic-52005:20      taught by one,
+    judged on another
+
+A place is a recording with its truth beside it, or NAME:SECONDS of the bench, which is simulated once and
+kept in data/derived/places; varied laboratories show the LM-MAP itself.  Each row of the table is a camera of
+a place; rows that are there are not made again.  Beside it, NAME-images.csv has a row for each image: whether
+its pose is right, and how confident.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lmmap.estimation.estimates import estimate_images
+from lmmap.estimation.images import timed_images
+from lmmap.evaluation.error_table import errors, is_wrong
+from lmmap.pipeline.estimator import Estimator
+from lmmap.recordings.formats import open_stream
+from lmmap.settings import MODALITIES, OURS
+from lmmap.types import Port
+from lmmap_lab.adaptation.adapt import adapt
+from lmmap_lab.bench import simulate, varied
+from lmmap_lab.bench.writers import write_recording
+from lmmap_lab.provenance import DERIVED_DATA
+
+OF_BENCH = re.compile(r"([a-z]+(?:-[\w.]+)*):([\d.]+)")
+KEY = ["learned_on", "judged_on", "cameras", "modality", "weights", "seconds", "steps", "seed"]
+
+
+def opened(place: str):
+    """A place's recording."""
+    if not (match := OF_BENCH.fullmatch(place)):
+        return open_stream(place)
+    name, seconds = match[1], float(match[2])
+    path = DERIVED_DATA / "places" / f"{name}-{seconds:g}.h5"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        print(f"{name}: simulating {seconds:g} s", flush=True)
+        if varied.NAME.fullmatch(name):
+            write_recording(varied.record_varied(name, seconds, Port.lm_map()), path)
+        else:
+            simulate.record(name, seconds, path)
+    return open_stream(path)
+
+
+def judged(stream, estimator: Estimator, from_s: float | None, most: int) -> pd.DataFrame:
+    """Errors of at most so many images, spread over a recording from a time on (default: its second half)."""
+    shots = timed_images(stream, estimator.modality, estimator.settings)
+    times_us = np.array([shot.t_us for shot in shots], np.int64)
+    first_us = times_us[0] + (1e6 * from_s if from_s is not None else np.ptp(times_us) / 2)
+    later_us = times_us[times_us >= first_us]
+    keep = set(later_us[np.unique(np.linspace(0, len(later_us) - 1, most).astype(int))].tolist())
+    shots = timed_images(stream, estimator.modality, estimator.settings)
+    estimates = [e for _, e in estimate_images((s for s in shots if s.t_us in keep), estimator)]
+    table = errors(stream, estimates, estimator.port)
+    confidence = {e.t_us: e.confidence for e in estimates}
+    table = table.assign(confidence=table.t_us.map(confidence), wrong=is_wrong(table))
+    return table.assign(right=table.position_error_m.notna() & ~table.wrong).query("in_view")
+
+
+def counts(table: pd.DataFrame) -> dict:
+    return {"images": len(table), "right": int(table.right.sum()), "wrong": int(table.wrong.sum())}
+
+
+def before_and_after(a, place: str, seconds: float | None, steps: int, weights: str) -> tuple[list, list]:
+    """Rows of both tables, of each camera of a place."""
+    learn, _, judge = place.partition("=")
+    rows, images = [], []
+    taught = opened(learn)
+    asked = opened(judge) if judge else taught
+    with tempfile.TemporaryDirectory() as folder:
+        began_s = time.monotonic()
+        outcomes = adapt(taught, folder, a.cameras, weights, seconds=seconds, steps=steps, seed=a.seed)
+        took_s = time.monotonic() - began_s
+        memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        for m, outcome in outcomes.items():
+            key = dict(zip(KEY, key_of(a, place, m, seconds, steps, weights), strict=True))
+            start_s = 0.0 if judge else a.start
+            tables = {when: judged(asked, Estimator(asked.camera, None, m, w), start_s, a.images)
+                      for when, w in (("before", weights), ("after", folder))
+                      if when == "before" or outcome.taken}  # fmt: skip
+            before, after = tables["before"], tables.get("after", tables["before"])
+            row = key | {f"{k}_before": v for k, v in counts(before).items()}
+            row |= {f"{k}_after": v for k, v in counts(after).items()}
+            row |= {"taken": outcome.taken, "labels": outcome.facts["labels"], "why": outcome.why,
+                    "min_confidence": outcome.facts.get("min_confidence"), "seconds_taken": round(took_s, 1),
+                    "memory_mb": round(memory_mb)}  # fmt: skip
+            rows.append(row)
+            columns = ["t_us", "status", "confidence", "right", "wrong"]
+            images += [table[columns].assign(**key, when=when) for when, table in tables.items()]
+            told = (f"{part.right.sum()} / {part.wrong.sum()}" for part in (before, after))
+            print(
+                f"{place} {m}, right / wrong of {len(before)}:", " before, ".join(told), "after", flush=True
+            )
+    return rows, images
+
+
+def key_of(a, place: str, modality: str, seconds, steps: int, weights: str) -> tuple:
+    learn, _, judge = place.partition("=")
+    return learn, judge or learn, "+".join(a.cameras), modality, weights, seconds or 0.0, steps, a.seed
+
+
+def append(path: Path, table: pd.DataFrame) -> None:
+    before = [pd.read_csv(path)] if path.exists() else []
+    pd.concat([*before, table], ignore_index=True).to_csv(path, index=False)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rows", type=Path, help="table to append to")
+    parser.add_argument("places", nargs="+", help="RECORDING or NAME:SECONDS, and =ANOTHER to be judged on")
+    parser.add_argument("--cameras", nargs="+", choices=MODALITIES, default=list(MODALITIES))
+    parser.add_argument("--weights", nargs="+", default=[OURS.weights])
+    parser.add_argument(
+        "--seconds", nargs="+", type=float, help="learned from (default: half of the recording)"
+    )
+    parser.add_argument(
+        "--from", dest="start", type=float, help="second from which on is judged (default: half)"
+    )
+    parser.add_argument("--steps", nargs="+", type=int, default=[200])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--images", type=int, default=60, help="judged at most")
+    a = parser.parse_args()
+    done = set(pd.read_csv(a.rows)[KEY].itertuples(index=False, name=None)) if a.rows.exists() else set()
+    for place in a.places:
+        learn = place.partition("=")[0]
+        span_us = opened(learn).source.span_us
+        half_s = [round(0.5e-6 * (span_us[1] - span_us[0]), 3)]
+        whole = [None] if "=" in place else half_s
+        for weights in a.weights:
+            for seconds in a.seconds or whole:
+                for steps in a.steps:
+                    if all(key_of(a, place, m, seconds, steps, weights) in done for m in a.cameras):
+                        continue
+                    rows, images = before_and_after(a, place, seconds, steps, weights)
+                    append(a.rows.with_name(f"{a.rows.stem}-images.csv"), pd.concat(images))
+                    append(a.rows, pd.DataFrame(rows))
+
+
+if __name__ == "__main__":
+    main()

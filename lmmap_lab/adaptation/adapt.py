@@ -1,0 +1,195 @@
+"""Networks for one place: from its recording, without any truth, to a folder that ``--weights`` takes.
+
+1. looks: some hundred images are estimated;
+2. labels: those that can be believed become images with masks, but for a part that is kept for the guard;
+3. learning: both networks of a camera are trained on for some hundred steps;
+4. guard: the new networks are taken only where they find more in the part that was kept.
+
+Work that is done lies in ``FOLDER/unfinished`` until all is; the same call then goes on from there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from lmmap.estimation.images import timed_images
+from lmmap.files import tune_allocator, write_text
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.network import FilterNet, MaskNetwork
+from lmmap.pipeline.weights import FILTERS, network_paths, save_weights, weight_path
+from lmmap.recordings.journal import Journal, recording_mark
+from lmmap.recordings.pose_files import round_trip
+from lmmap.recordings.stream import Stream
+from lmmap.settings import MODALITIES, OURS
+from lmmap.types import AnyRecording, InputError, Port
+
+from . import learning, self_labels
+from .guard import Guard
+from .self_labels import Look
+from .smooth_track import SmoothTrack
+
+LOOKS, LOOKS_A_SECOND, MOST_LOOKS = 120, 2.5, 600  # of each camera: at least, of long recordings, at most
+PIECES, GUARDED = 8, (2, 6)  # of a recording, and which of them teach nothing
+MADE_OF, UNFINISHED = "made-of.json", "unfinished"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one camera's networks.
+
+    Attributes
+    ----------
+    taken
+        Whether new ones are written, or those that were there before.
+    why
+        Why, in a line.
+    facts
+        What their cards say of labels and guard; ``min_confidence`` is the limit of new ones.
+    """
+
+    taken: bool
+    why: str
+    facts: dict = field(default_factory=dict)
+
+
+def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIES, weights=OURS.weights,
+          port: Port | None = None, *, seconds: float | None = None, steps: int = learning.STEPS,
+          seed: int = 0, report: Callable[[str], None] = print) -> dict[str, Outcome]:  # fmt: skip
+    """Train networks on, with a recording's own images and poses, and write them.
+
+    Parameters
+    ----------
+    folder
+        Where the networks go, named as `Estimator` expects them of a folder.  Where nothing could be learned,
+        they are those from before.
+    modalities
+        Cameras to look at.  Each teaches the others, since they look at one port.
+    weights, port
+        As `Estimator`.
+    seconds
+        Learn from so much of the recording's beginning; default: from all of it.
+    report
+        Called with a line for each camera.
+
+    Raises
+    ------
+    InputError
+        For a recording without images, or a folder that holds networks made of something else.
+    """
+    folder = Path(folder)
+    estimators = {m: Estimator(recording.camera, port, m, weights) for m in modalities}
+    facts = made_of(recording, estimators, weights, seconds, steps, seed)
+    if (done := folder / MADE_OF).exists():
+        return _outcomes(done, facts)
+    unfinished = folder / UNFINISHED
+    try:
+        unfinished.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot write ({error.strerror}); give another folder") from None
+    tune_allocator()
+    looks = {m: list(looks_of(recording, e, seconds, unfinished, facts)) for m, e in estimators.items()}
+    if not any(looks.values()):
+        raise InputError(f"{recording.name}: holds no images of {' or '.join(modalities)}; try the other")
+    outcomes = {}
+    for m, estimator in estimators.items():
+        recipes = [learning.recipe_for(name, m, steps, seed, recording.name) for name in FILTERS]
+        old = [learning.network_of(path, m) for path in network_paths(weights, m)]
+        outcomes[m], nets = learn(recording, looks, estimator, old, recipes, unfinished)
+        report(f"{m}: {outcomes[m].why}")
+        for recipe, net in zip(recipes, nets, strict=True):
+            card = {"recipe": asdict(recipe), "made_of": facts, "adapted": outcomes[m].taken}
+            card |= {"why": outcomes[m].why, **outcomes[m].facts}
+            save_weights(net, folder / weight_path(recipe.filter, m, "low").name, card)
+    kept = {"made_of": facts, "outcomes": {m: asdict(o) for m, o in outcomes.items()}}
+    write_text(done, json.dumps(kept, indent=1) + "\n")
+    shutil.rmtree(unfinished)
+    return outcomes
+
+
+def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
+    """All that the networks depend on, as JSON has it."""
+    first = next(iter(estimators.values()))
+    mark = recording_mark(recording.source.path) if isinstance(recording, Stream) else recording.name
+    files = [path for m in estimators for path in network_paths(weights, m)]
+    base = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in files}
+    facts = {"recording": mark, "seconds": seconds, "base": base, "steps": steps, "seed": seed,
+             "camera": asdict(first.camera), "port": asdict(first.port),
+             "settings": asdict(first.settings)}  # fmt: skip
+    return json.loads(json.dumps(facts))
+
+
+def _outcomes(done: Path, facts: dict) -> dict[str, Outcome]:
+    """What a folder says that is finished; `InputError` if it was made of something else."""
+    try:
+        kept = json.loads(done.read_text())
+        if kept["made_of"] == facts:
+            return {m: Outcome(**outcome) for m, outcome in kept["outcomes"].items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        pass
+    raise InputError(f"{done.parent}: holds networks made of something else; give another folder")
+
+
+def looks_of(recording: AnyRecording, estimator: Estimator, seconds: float | None, unfinished: Path,
+             facts: dict) -> Iterator[Look]:  # fmt: skip
+    """Estimates of images that are spread evenly over a recording, each on disk before the next."""
+    shots = timed_images(recording, estimator.modality, estimator.settings)
+    times_us = np.array([shot.t_us for shot in shots], np.int64)
+    if seconds is not None:
+        times_us = times_us[times_us < times_us.min(initial=2**62) + 1e6 * seconds]
+    if not len(times_us):
+        return
+    most = int(np.clip(1e-6 * LOOKS_A_SECOND * np.ptp(times_us), LOOKS, MOST_LOOKS))
+    chosen = times_us[np.unique(np.linspace(0, len(times_us) - 1, most).astype(int))]
+    with Journal(unfinished / f"looks-{estimator.modality}.csv", "csv", True, facts) as journal:
+        looks = self_labels.look_at(recording, estimator, set(chosen.tolist()), journal.done)
+        for look in tqdm(looks, f"looks, {estimator.modality}", len(chosen), unit=" images", disable=None):
+            if look.estimate.t_us not in journal.done:
+                journal.add(look.estimate)
+            yield look._replace(estimate=round_trip(look.estimate))
+
+
+def guarded(times_us: Sequence[int]) -> np.ndarray:
+    """Which of a recording's images (N,) teach nothing, since the guard asks them: pieces that are spread in
+    time, for neighbours are nearly equal."""
+    share = (np.asarray(times_us) - times_us[0]) / max(times_us[-1] - times_us[0], 1)
+    return np.isin((PIECES * share).astype(int), GUARDED)
+
+
+def learn(recording: AnyRecording, looks: Mapping[str, Sequence[Look]], estimator: Estimator,
+          old: list[FilterNet], recipes, unfinished: Path) -> tuple[Outcome, list[FilterNet]]:  # fmt: skip
+    """What becomes of one camera's networks by the looks of all cameras, and the networks, old or new."""
+    modality, own = estimator.modality, looks[estimator.modality]
+    seen = [(m, look.estimate) for m, each in looks.items() for look in each]
+    track = SmoothTrack(seen, estimator.port.yaw_period_rad)
+    kept = guarded([look.t_us for look in own]) if own else []
+    free = [look for look, k in zip(own, kept, strict=True) if not k]
+    poses = [self_labels.label_pose(look.estimate, track, estimator) for look in free]
+    chosen = self_labels.choose(free, poses)
+    facts = {"labels": len(chosen), "confidences": [round(free[i].estimate.confidence, 3) for i in chosen]}
+    if len(chosen) < self_labels.LEAST_LABELS:
+        why = f"{len(chosen)} images can teach, {self_labels.LEAST_LABELS} are needed; networks as before"
+        return Outcome(False, why, facts), old
+    guard = Guard([look.estimate for look in own], kept, seen, estimator)
+    if not guard.missing():
+        return Outcome(False, "no pose is missing where the port is in view; networks as before", facts), old
+    samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
+    new = [learning.train_on(deepcopy(net), part, recipe, unfinished)
+           for net, part, recipe in zip(old, samples, recipes, strict=True)]  # fmt: skip
+    networks = tuple(MaskNetwork(deepcopy(net), modality) for net in new)
+    learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
+    again = self_labels.look_at(recording, learned, {look.t_us for look in own})
+    verdict = guard.judge([look.estimate for look in again])
+    facts["guard"] = json.loads(json.dumps(asdict(verdict)))
+    if not verdict.taken:
+        return Outcome(False, f"{verdict}; networks as before", facts), old
+    facts["min_confidence"] = verdict.min_confidence
+    return Outcome(True, f"{len(chosen)} images taught; {verdict}", facts), new

@@ -1,0 +1,115 @@
+"""Whether networks that have learned a place are taken, and how sure they must be of a pose.
+
+The track says which poses are believed and which contradicted, of the old networks and of the new ones.  Part
+of the recording teaches nothing, and there the new networks have to find more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmmap.geometry.port import in_view
+from lmmap.pipeline.estimator import Estimator
+from lmmap.types import Estimate, Pose
+
+from .self_labels import believed
+from .smooth_track import SmoothTrack
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the images that taught nothing say of new networks.
+
+    Attributes
+    ----------
+    taken
+        Whether they take the old ones' place.
+    min_confidence
+        The limit that their poses have to reach.
+    before, after
+        How many reported poses are believed and contradicted, of the old and of the new networks, among the
+        images that taught nothing.
+    images
+        How many those are.
+    """
+
+    taken: bool
+    min_confidence: float
+    before: tuple[int, int]
+    after: tuple[int, int]
+    images: int
+
+    def __str__(self) -> str:
+        (old, old_wrong), (new, new_wrong) = self.before, self.after
+        return (f"of {self.images} images that taught nothing, {old} had a pose that the track believes and "
+                f"{old_wrong} one that it contradicts, now {new} and {new_wrong}")  # fmt: skip
+
+
+class Guard:
+    """Judges a camera's networks by the images of a recording.
+
+    Parameters
+    ----------
+    old
+        The old networks' estimates of them.
+    kept
+        Which of them teach nothing, (N,).
+    seen
+        ``(camera, estimate)`` of all images of all cameras, by the old networks.
+    estimator
+        With the old networks.
+    """
+
+    def __init__(self, old: Sequence[Estimate], kept: Sequence[bool], seen: Sequence[tuple[str, Estimate]],
+                 estimator: Estimator):  # fmt: skip
+        self._old, self._kept, self._seen, self._estimator = old, kept, seen, estimator
+        self._track = SmoothTrack(seen, estimator.port.yaw_period_rad)
+        self._limit = estimator.settings.min_confidence[estimator.modality]
+
+    def missing(self) -> int:
+        """How many images that teach nothing show the whole port, by the track, without a reported pose that
+        is not contradicted."""
+        own = [e for e, kept in zip(self._old, self._kept, strict=True) if kept]
+        states = [self._track.at(e.t_us) for e in own]
+        shown = [state is not None and self._in_view(state.T_cam_port) for state in states]
+        found = [e.T_cam_port is not None and self._trust(e, self._track) is not False for e in own]
+        return sum(s and not f for s, f in zip(shown, found, strict=True))
+
+    def judge(self, new: Sequence[Estimate]) -> Verdict:
+        """New networks' estimates of the same images.
+
+        Their limit is the lowest, not under that of the camera that is trusted less, at which they report no
+        more contradicted poses than the old ones do.  They are taken if they then report more that are
+        believed among the images that taught nothing.
+        """
+        joint = SmoothTrack([*self._seen, *(("new", e) for e in new)], self._estimator.port.yaw_period_rad)
+        old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (self._old, new))
+        wrong = sorted((e.confidence for e, trust in new if trust is False), reverse=True)
+        allowed = _reported(old, self._limit)[1]
+        withheld = wrong[allowed : allowed + 1]  # the surest that must not be reported
+        limits = self._estimator.settings.min_confidence
+        least = max([limits.rgb, limits.event, *(float(np.nextafter(p, 2.0)) for p in withheld)])
+        before, after = (_reported([pair for pair, kept in zip(each, self._kept, strict=True) if kept], limit)
+                         for each, limit in ((old, self._limit), (new, least)))  # fmt: skip
+        return Verdict(after[0] > before[0], least, before, after, int(sum(self._kept)))
+
+    def _trust(self, e: Estimate, *tracks: SmoothTrack) -> bool | None:
+        """What the first track that reaches an estimate says of it."""
+        told = (believed(e, track, self._estimator) for track in tracks)
+        return next((trust for trust in told if trust is not None), None)
+
+    def _in_view(self, T: Pose) -> bool:
+        return bool(
+            in_view(Pose(T.rotation[None], T.position_m[None]), self._estimator.port, self._estimator.camera)[
+                0
+            ]
+        )
+
+
+def _reported(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> tuple[int, int]:
+    """How many poses of at least this confidence are believed, and how many contradicted."""
+    told = [trust for e, trust in judged if e.found is not None and e.confidence >= limit]
+    return sum(t is True for t in told), sum(t is False for t in told)
