@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -55,11 +56,16 @@ class Witness(wrong_poses.OnMasks):
         self.kept: dict = {}  # shared with the estimator of turned images
         super().__init__(modality, settings)
 
-    def confidence(self, T_cam_port, covariance, best, *images) -> float:
-        about = covariance, best.sigma_rad, best.log_odds, *images, self.port, self.grid
-        self.kept["evidence"] = verify.evidence(T_cam_port, *about)
-        self.kept["misplaced"] = [verify.evidence(T, *about) for T in misplaced(T_cam_port, self.port)]
-        return 1.0
+    def on_grid(self, image, t_us=0, near=None) -> Estimate:
+        weigh = verify.evidence
+
+        def witnessed(T_cam_port, *about):
+            self.kept["evidence"] = weigh(T_cam_port, *about)
+            self.kept["misplaced"] = [weigh(T, *about) for T in misplaced(T_cam_port, self.port)]
+            return self.kept["evidence"]
+
+        with mock.patch.object(verify, "evidence", witnessed):
+            return super().on_grid(image, t_us, near)
 
 
 def misplaced(T_cam_port: Pose, port) -> list[Pose]:

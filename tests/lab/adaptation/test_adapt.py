@@ -12,7 +12,7 @@ from strategies import PORT, line
 from lmmap.estimation.estimates import estimate
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.weights import FILTERS, load_weights, weight_path
+from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
 from lmmap.types import Recording
 from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import learning, self_labels
@@ -53,8 +53,8 @@ def learned(tmp_path_factory):
 
 def same_networks(folder) -> bool:
     """Whether a folder holds the shipped networks."""
-    both = [(load_weights(folder / name, "rgb"), load_weights(weight_path(f, "rgb", "robust"), "rgb"))
-            for f, name in zip(FILTERS, NAMES, strict=True)]  # fmt: skip
+    pairs = [(folder / name, weight_path(f, "rgb", "robust")) for f, name in zip(FILTERS, NAMES, strict=True)]
+    both = [[load_filter(path, "rgb").state_dict() for path in pair] for pair in pairs]
     return all((new[k] == old[k]).all() for new, old in both for k in old)
 
 

@@ -61,7 +61,7 @@ def test_a_killed_training_of_many_goes_on(toy, monkeypatch):
 def test_a_mean_of_true_and_taught_masks():
     net = network.FilterNet(1, widths=(2, 2, 2)).requires_grad_(False)
     x, y = torch.rand(1, 1, 16, 16), torch.ones(1, 1, 16, 16)
-    from lmmap_lab.training.learning import taught
+    from lmmap_lab.training.batches import taught
 
     assert taught(None, x, y) is y
     np.testing.assert_allclose(taught(net, x, y), (1 + torch.sigmoid(net(x))) / 2, rtol=1e-6)
