@@ -9,7 +9,8 @@ materials no network has seen.  The sets named tuning tune `calibrate_confidence
 first sets are small, and were looked at often.  So a larger one of the other laboratory judges each version
 of the default networks once, and changes nothing.  The further tuning sets were added when looks turned out
 to err together, which the small ones had not shown.  High light has most of the sequences, for most wrong
-poses are there.  `ESTIMATORS` compares our settings with those that report every pose.  Images, masks and
+poses are there.  Ports unlike their CAD and slow ones, of which a sensor sees mostly its own noise, are there
+so that the confidence knows them.  `ESTIMATORS` compares our settings with those that report every pose.  Images, masks and
 true poses are kept in data/derived/wrong, so that a change of the geometry is judged in a minute; remove that
 folder after a change of the bench or of the weights.  The table is kept in data/results/wrong-poses.csv.
 """
@@ -40,7 +41,7 @@ from lmmap.pipeline.network import MaskNetwork, TurnedToo
 from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.settings import OURS, PerCamera, Settings
 from lmmap.types import Camera, Estimate, Port, Pose, Recording
-from lmmap_lab.bench import sequences
+from lmmap_lab.bench import laboratory, sequences, varied
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 from lmmap_lab.studies.sequence_files import looks_of
 
@@ -53,29 +54,39 @@ PLACES = {  # number of the first sequence, and how many of each light
     "other laboratory, judged once": (3001, {"low": 20, "medium": 20, "high": 40}),
     "bench, further tuning": (4001, {"low": 15, "medium": 45, "high": 60}),
     "other laboratory, further tuning": (4501, {"low": 15, "medium": 45, "high": 65}),
+    "varied ports, tuning": (5001, {"low": 4, "medium": 8, "high": 18}),
+    "slow, tuning": (201, {"low": 4, "medium": 4, "high": 4}),
+    "slow, held out": (231, {"low": 3, "medium": 3, "high": 3}),
 }
+SLOW = "speed-1.5"  # a port that moves by 1.5 mm/s
 SECONDS = {"low": 0.6, "medium": 0.8, "high": 0.4}  # length of a recording
+SLOW_SECONDS = 2.0  # of a slow port's, whose events are few
 EACH = 2  # most images of each camera from it
 KINDS = ("rgb", "event", "event wider")  # the last: the second look at each of the second
 FOLDER = DERIVED_DATA / "wrong"
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
 
 
-def of_light(light: str, first: int, count: int) -> list[str]:
+def of_light(light: str, first: int, count: int, kind: str = "realistic") -> list[str]:
     """Names of the first sequences of a light from a number on."""
     numbers = range(first, first + 3 * count)
-    return [f"realistic-{n}" for n in numbers if n % 3 == LIGHTS.index(light)]
+    return [f"{kind}-{n}" for n in numbers if n % 3 == LIGHTS.index(light)]
 
 
 SETS = {  # light by name of sequence
-    place: {name: light for light, count in counts.items() for name in of_light(light, first, count)}
+    place: {
+        name: light
+        for light, count in counts.items()
+        for name in of_light(light, first, count, SLOW if place.startswith("slow") else "realistic")
+    }
     for place, (first, counts) in PLACES.items()
 }
 SEQUENCES = [name for names in SETS.values() for name in names]
 LIGHT = {name: light for names in SETS.values() for name, light in names.items()}
 ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}
-LATER = ("judged once", "further tuning")  # sets of the default networks alone
-WEIGHTS = {place: (OURS.weights,) if place.endswith(LATER) else ("low", OURS.weights) for place in SETS}
+LATER = ("judged once", "further tuning", "varied ports", "slow")  # sets of the default networks alone
+WEIGHTS = {place: (OURS.weights,) if any(part in place for part in LATER) else ("low", OURS.weights)
+           for place in SETS}  # fmt: skip
 CELLS = [(place, m, w) for place in SETS for m in ("rgb", "event") for w in WEIGHTS[place]]
 EVERY_POSE = replace(OURS, min_confidence=PerCamera(0.0, 0.0))
 ESTIMATORS = {"every pose": EVERY_POSE, "confident poses": OURS}
@@ -104,9 +115,10 @@ class Case(NamedTuple):
 
 def recorded(name: str) -> Recording:
     """A short recording; in the other laboratory its worlds take turns."""
-    seconds = SECONDS[LIGHT[name]]
+    seconds = SLOW_SECONDS if name.startswith(SLOW) else SECONDS[LIGHT[name]]
     if name not in ELSEWHERE:
-        return sequences.simulate(name, seconds, setup=sequences.Setup(frame_hz=5))
+        port = varied.draw_port(laboratory.sequence(name)) if name in SETS["varied ports, tuning"] else None
+        return sequences.simulate(name, seconds, setup=sequences.Setup(frame_hz=5), port=port)
     turn = int(name.split("-")[1]) // 3 % len(world.WORLDS)
     gap_m, sensor = list(world.WORLDS.values())[turn]
     return sequences.simulate(name, seconds, sensor=sensor, setup=world.other_setup(gap_m))
