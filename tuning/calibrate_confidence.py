@@ -218,8 +218,8 @@ def log_likelihood(told: list[tuple[Estimate, bool]]) -> float:
 
 
 def lowest_limits(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> dict[str, float]:
-    """For each camera the lowest of `LIMITS` at which at most `WRONG_PERCENT` of its images of an exact port in
-    high light get a wrong pose from the default networks."""
+    """For each camera the lowest of `LIMITS` at which at most `WRONG_PERCENT` of its images of an exact port
+    in high light get a wrong pose from the default networks."""
     chosen = {}
     for modality in ("rgb", "event"):
         own = [pair for row, pair in zip(rows, told, strict=True)

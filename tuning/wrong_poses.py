@@ -10,9 +10,10 @@ first sets are small, and were looked at often.  So a larger one of the other la
 of the default networks once, and changes nothing.  The further tuning sets were added when looks turned out
 to err together, which the small ones had not shown.  High light has most of the sequences, for most wrong
 poses are there.  Ports unlike their CAD and slow ones, of which a sensor sees mostly its own noise, are there
-so that the confidence knows them.  `ESTIMATORS` compares our settings with those that report every pose.  Images, masks and
-true poses are kept in data/derived/wrong, so that a change of the geometry is judged in a minute; remove that
-folder after a change of the bench or of the weights.  The table is kept in data/results/wrong-poses.csv.
+so that the confidence knows them.  `ESTIMATORS` compares our settings with those that report every pose.
+Images, masks and true poses are kept in data/derived/wrong, so that a change of the geometry is judged in a
+minute; remove that folder after a change of the bench or of the weights.  The table is kept in
+data/results/wrong-poses.csv.
 """
 
 from __future__ import annotations
