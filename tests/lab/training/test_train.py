@@ -12,6 +12,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file
 
 from lmmap.pipeline import network, weights
+from lmmap.settings import PAPER
 from lmmap.types import InputError
 from lmmap_lab.training import augment, dataset, train
 from lmmap_lab.training.recipe import Recipe
@@ -228,10 +229,10 @@ def test_the_paper_s_sets_see_the_paper_s_histograms(toy, monkeypatch):
     monkeypatch.setattr(dataset.Samples, "image", lambda self, i, n: asked.append(n) or original(self, i, n))
     samples = dataset.Samples(dataset.SETS["low"], "ring", "event", toy)
     train.make_batch(samples, Recipe("ring", "event", "low", batch=4), 0)
-    assert set(asked) == {train.PAPER.events_per_window}
+    assert set(asked) == {PAPER.events_per_window}
     asked.clear()
     train.make_batch(samples, Recipe("ring", "event", "robust", batch=4), 0)
-    low, high = np.array(augment.HISTOGRAM_EVENTS) * train.PAPER.events_per_window
+    low, high = np.array(augment.HISTOGRAM_EVENTS) * PAPER.events_per_window
     assert len(set(asked)) == 4
     assert low <= min(asked) < max(asked) <= high
 
