@@ -91,7 +91,7 @@ class Settings(PaperSettings):
     # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
     sure_confidence: float = 0.95  # from here on one look is enough
-    look_independence: float = 0.5  # of two looks that agree; tuning/calibrate_confidence.py
+    look_independence: float = 0.35  # of two looks that agree; tuning/calibrate_confidence.py
 
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py
@@ -120,7 +120,7 @@ class Settings(PaperSettings):
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
     # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
     # `outline.support`; tuning/fit_yaw.py
-    yaw_weights: PerCamera = PerCamera(rgb=(27.61, 15.83, 11.95, 4.35), event=(43.0, 25.64, 6.38, 4.0))
+    yaw_weights: PerCamera = PerCamera(rgb=(34.76, 23.42, 7.25, 1.06), event=(61.7, 22.76, -1.69, 1.21))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 
@@ -146,8 +146,8 @@ class Settings(PaperSettings):
     ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
     marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
     joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.14, event=1.21)  # of a pose's refined on the image's edges
-    edge_fading: PerCamera = PerCamera(rgb=1.45, event=1.15)  # power of the markers' score that divides it
+    edge_inflation: PerCamera = PerCamera(rgb=1.12, event=1.8)  # of a pose's refined on the image's edges
+    edge_fading: PerCamera = PerCamera(rgb=1.81, event=0.69)  # power of the markers' score that divides it
     yaw_inflation: float = 0.84  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
@@ -155,10 +155,10 @@ class Settings(PaperSettings):
 
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
-    # of position and normal; the slope of `markers_off_px` is provisional, until the next calibration
-    confidence_ring: tuple[float, ...] = (-3.733, -0.757, -8.536, 1.461, -1.0, 0.562)
-    confidence_yaw: tuple[float, ...] = (-8.26, 0.352, -0.005, 15.581)  # that the yaw is right, if they are
-    min_confidence: PerCamera = PerCamera(rgb=0.55, event=0.85)  # below, the status is `UNSURE`: no pose
+    # of position and normal; the slope of `markers_off_px` is set by hand
+    confidence_ring: tuple[float, ...] = (-3.599, -0.659, -9.533, 2.635, -1.0, 0.606)
+    confidence_yaw: tuple[float, ...] = (-7.742, 0.246, 0.202, 16.331)  # that the yaw is right, if they are
+    min_confidence: PerCamera = PerCamera(rgb=0.5, event=0.8)  # below, the status is `UNSURE`: no pose
     min_fused_confidence: float = 0.85  # of a track of both cameras
     port_off_px: float = 0.5  # by which markers lie off in half of a recording's poses, to doubt the port: it
     # was 0.1 to 0.25 on the bench and elsewhere, and 0.8 to 1.2 where the plate was 20 % higher
