@@ -17,6 +17,7 @@ import pandas as pd
 
 from lmmap.files import InputError, write_text
 from lmmap.shipped import CHECKOUT, DATA, ROOT
+from lmmap.types import Port
 
 # whatever the laboratory computes goes into results or is compared with them: processors shall round alike
 os.environ.setdefault("LMMAP_PRECISION", "float32")
@@ -27,6 +28,7 @@ PAGE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "data/mi
             "data/*.json", "data/results/**/*.[cjt]*", "data/derived/{profile}/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "book/_static/*.js", "environment.txt")  # fmt: skip
 MODULE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "environment.txt")
+NO_PORT = ("attacks", "formats", "port", "port-outlines")  # results that no port of ours takes part in
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 
@@ -113,13 +115,30 @@ def commit() -> str:
     return head.stdout.strip() + ("" if clean else "+")
 
 
+def port_mark() -> str:
+    """Hash of the lengths of the port that the laboratory has."""
+    lengths = {k: v for k, v in vars(Port.lm_map()).items() if k.endswith("_m")}
+    return hashlib.sha256(json.dumps(lengths, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def of_former_port() -> list[Path]:
+    """Tables and documents of data/results that do not say that they were made with the present port."""
+    found = []
+    for path in sorted((DATA / "results").rglob("*.json")):
+        document = json.loads(path.read_text())
+        facts = document if path.name.endswith(".provenance.json") else document.get("provenance")
+        if facts and path.name.split(".")[0] not in NO_PORT and facts.get("port") != port_mark():
+            found.append(path)
+    return found
+
+
 def provenance(**facts) -> dict:
-    """What made a result: the given facts, commit, networks' precision, machine, versions of packages.
+    """What made a result: the given facts, commit, networks' precision, port, machine, versions of packages.
 
     It is the same for two runs of one commit on one machine.
     """
     return {**facts, "commit": commit(), "precision": os.environ["LMMAP_PRECISION"],
-            "python": platform.python_version(), "machine": platform.machine(),
+            "port": port_mark(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: version(name) for name in PACKAGES}}  # fmt: skip
 
 

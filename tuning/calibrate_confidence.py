@@ -9,9 +9,9 @@ alone few poses are wrong.  The estimator's own wrong poses are the best of wron
 So that the evidence is not ignored where it is plain, *misplaced* poses take part with a small weight: right
 ones turned by ten degrees, or by half a yaw period, with the standard deviations and odds of the right ones.
 
-How far the markers are off where the port has them has a slope set by hand.  The fit's own would be 0.4 a pixel:
-poses are right on ports unlike their CAD, for the refinement knows the port's tolerances.  But a port beyond them
-must not raise the confidence.
+How far the markers are off where the port has them has a slope set by hand.  The fit's own would be 0.4 a
+pixel: poses are right on ports unlike their CAD, for the refinement knows the port's tolerances.  But a port
+beyond them must not raise the confidence.
 
 Then come the answers of several looks.  ``look_independence`` is the one of greatest likelihood, and a
 camera's ``min_confidence`` the lowest of `LIMITS` at which at most `WRONG_PERCENT` of its images in high
