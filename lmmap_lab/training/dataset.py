@@ -38,10 +38,9 @@ _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
 _IN_HIGH = [f"varied-{i}" for i in range(VARIED, VARIED + 2 * MORE_HIGH) if varied.light_of(i) == "high"]
 SETS = {
     "high": _AUGMENTED, "low": _ALL,
-    "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH,
-               *(f"printed-{i}" for i in range(PRINTED))],
+    "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH],
 }  # fmt: skip
-SETS["light"] = SETS["robust"]
+SETS["light"] = [*SETS["robust"], *(f"printed-{i}" for i in range(PRINTED))]
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:

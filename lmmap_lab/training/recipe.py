@@ -13,7 +13,7 @@ SHIPPED = {
     "high": {"steps": 30_000, "rate": 1e-3},
     "low": {"steps": 30_000, "rate": 1e-3},
     "robust": {"steps": 50_000, "rate": 3e-3, "start_from": "low"},
-    "light": {"steps": 50_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
+    "light": {"steps": 40_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
 }
 FAST = 1e-2  # a rate with which a filter learns several times faster from chance than with 1e-3
 
