@@ -91,7 +91,7 @@ class Settings(PaperSettings):
     # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
     sure_confidence: float = 0.95  # from here on one look is enough
-    look_independence: float = 0.35  # of two looks that agree; tuning/calibrate_confidence.py
+    look_independence: float = 0.05  # of two looks that agree; tuning/calibrate_confidence.py
 
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py
@@ -120,7 +120,7 @@ class Settings(PaperSettings):
     min_yaw_margin: float = 0.15  # below, another yaw is as good; tuning/calibrate_uncertainty.py
     # logarithm of a yaw's probability for each unit of the mask's mean inside the markers and of
     # `outline.support`; tuning/fit_yaw.py
-    yaw_weights: PerCamera = PerCamera(rgb=(34.76, 23.42, 7.25, 1.06), event=(61.7, 22.76, -1.69, 1.21))
+    yaw_weights: PerCamera = PerCamera(rgb=(27.94, 26.11, 10.36, 4.92), event=(55.06, 25.84, 0.33, 2.21))
     other_yaw_share: float = 0.25  # of a period: a yaw that far from the best one is another one
     marker_border_px: float = 4  # beside the markers, for what measures their edges
 
@@ -156,9 +156,9 @@ class Settings(PaperSettings):
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
     # of position and normal; the slope of `markers_off_px` is set by hand
-    confidence_ring: tuple[float, ...] = (-3.599, -0.659, -9.533, 2.635, -1.0, 0.606)
-    confidence_yaw: tuple[float, ...] = (-7.742, 0.246, 0.202, 16.331)  # that the yaw is right, if they are
-    min_confidence: PerCamera = PerCamera(rgb=0.5, event=0.8)  # below, the status is `UNSURE`: no pose
+    confidence_ring: tuple[float, ...] = (-3.398, -0.701, -8.608, 1.897, -1.0, 0.604)
+    confidence_yaw: tuple[float, ...] = (-7.514, 0.305, 14.297)  # that the yaw is right, if they are
+    min_confidence: PerCamera = PerCamera(rgb=0.5, event=0.65)  # below, the status is `UNSURE`: no pose
     min_fused_confidence: float = 0.85  # of a track of both cameras
     port_off_px: float = 0.5  # by which markers lie off in half of a recording's poses, to doubt the port: it
     # was 0.1 to 0.25 on the bench and elsewhere, and 0.8 to 1.2 where the plate was 20 % higher

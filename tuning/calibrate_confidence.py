@@ -48,9 +48,6 @@ RIDGE = 1.0  # of standardised slopes
 LIMITS = np.arange(0.5, 0.951, 0.05).round(2)
 WRONG_PERCENT = 1.5
 OFF_PX, OFF_SLOPE = 3, -1.0  # of the evidence: how far markers are off, and its slope, which is set by hand
-EXACT = tuple(
-    place for place in wrong_poses.SETS if not place.startswith("varied ports")
-)  # the port is its CAD
 INDEPENDENCE = np.arange(0.0, 1.001, 0.05).round(2)
 FOLDS = 8  # of the tuning sequences
 MISPLACED_RAD = np.deg2rad(10)
@@ -85,7 +82,7 @@ def misplaced(T_cam_port: Pose, port) -> list[Pose]:
 
 
 class Sight(NamedTuple):
-    """The estimate of one look; where it has a pose also the evidence (7,), that of misplaced ones (5, 7),
+    """The estimate of one look; where it has a pose also the evidence (6,), that of misplaced ones (5, 6),
     and whether circle and pose are right."""
 
     estimate: Estimate
@@ -232,7 +229,7 @@ def lowest_limits(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> dict
     for modality in ("rgb", "event"):
         own = [pair for row, pair in zip(rows, told, strict=True)
                if (row.light, row.modality, row.weights) == ("high", modality, OURS.weights)
-               and row.set in EXACT]  # fmt: skip
+               and row.set in wrong_poses.EXACT]  # fmt: skip
         wrong = np.array([e.confidence for e, good in own if e.confidence and not good])
         percent = {limit: 100 * np.sum(wrong >= limit) / len(own) for limit in LIMITS}
         print(f"wrong of {len(own)} in high light, {modality}", pd.Series(percent).round(2).to_dict())

@@ -3,8 +3,8 @@
     python tuning/fit_yaw.py
 
 A multinomial logistic regression for each camera: of all normals and yaws, those near the truth shall be the
-most probable.  It is fitted to the images of the tuning sequences of `wrong_poses` in which one of the ring's
-two circles is right, of events at both looks.  data/results/yaw-weights.csv holds, for each set of sequences,
+most probable.  It is fitted to the images of the tuning sequences of `wrong_poses`, those of ports that are as
+their CAD, in which one of the ring's two circles is right, of events at both looks.  data/results/yaw-weights.csv holds, for each set of sequences,
 how often the most probable normal and yaw are right: by the mask alone, and with the image.
 """
 
@@ -104,9 +104,9 @@ def multinomial_fit(features, true, ridge: float = RIDGE, steps: int = 40) -> np
 def main() -> None:
     wrong_poses.make()
     every = pd.DataFrame([row for rows in wrong_poses.of_cells(views) for row in rows])
-    weights = {}
+    exact, weights = every.set.isin(wrong_poses.EXACT), {}
     for modality in ("rgb", "event"):
-        chosen = every[every.set.str.endswith("tuning") & (every.modality == modality)]
+        chosen = every[every.set.str.endswith("tuning") & exact & (every.modality == modality)]
         x = np.stack([f.reshape(-1, f.shape[-1]) for f in chosen.features])
         fitted = multinomial_fit(x, np.stack([t.ravel() for t in chosen.true]))
         weights[modality] = tuple(fitted.round(2).tolist())

@@ -82,6 +82,7 @@ SETS = {  # light by name of sequence
     }
     for place, (first, counts) in PLACES.items()
 }
+EXACT = [place for place in SETS if not place.startswith("varied ports")]  # the port is its CAD
 SEQUENCES = [name for names in SETS.values() for name in names]
 LIGHT = {name: light for names in SETS.values() for name, light in names.items()}
 ELSEWHERE = {name for place, names in SETS.items() if place.startswith("other") for name in names}

@@ -31,7 +31,7 @@ def judge(t_us: int, image: np.ndarray, seen: Seen, reflectors: np.ndarray, ring
     )  # fmt: skip
     of_masks = image, seen.ring, reflectors, port, camera
     evidence = verify.evidence(refined.T_cam_port, refined.covariance_by_masks, refined.markers_off_px,
-                               fit.sigma_rad, fit.log_odds, *of_masks)  # fmt: skip
+                               fit.log_odds, *of_masks)  # fmt: skip
     confidence = float(verify.confidence(evidence, settings))
     return estimate.judged(confidence, settings.min_confidence[modality])
 

@@ -116,14 +116,14 @@ def marker_evidence(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera
 
 
 def evidence(
-    T_cam_port: Pose, covariance, markers_off_px: float, yaw_sigma_rad: float, log_odds: float, image,
-    ring_mask, reflector_mask, port: Port, camera: Camera,
+    T_cam_port: Pose, covariance, markers_off_px: float, log_odds: float, image, ring_mask, reflector_mask,
+    port: Port, camera: Camera,
 ) -> np.ndarray:  # fmt: skip
-    """What speaks for a pose, shape (7,): the first `OF_RING` of the ring, the last three of the yaw.
+    """What speaks for a pose, shape (6,): the first `OF_RING` of the ring, the last two of the yaw.
 
     Logarithm of the position's standard deviation along its worst direction (m), `ring_evidence`, how far
     the markers are off where the port has them (px), the log odds of normal and yaw (`YawFit.log_odds`),
-    logarithm of the yaw's standard deviation (rad), `marker_evidence`.
+    `marker_evidence`.
     """
     variance = np.linalg.eigvalsh(np.asarray(covariance)[:3, :3])[-1]
     return np.array([
@@ -131,13 +131,12 @@ def evidence(
         *ring_evidence(ring_mask, image, T_cam_port, port, camera),
         markers_off_px,
         log_odds,
-        np.log(np.clip(yaw_sigma_rad, 1e-6, 1.0)),
         marker_evidence(reflector_mask, T_cam_port, port, camera),
     ])  # fmt: skip
 
 
 def confidence(evidence, settings: Settings = OURS) -> np.ndarray:
-    """Probability (...) that a pose is right, of its evidence (..., 7): that position and normal are, times
+    """Probability (...) that a pose is right, of its evidence (..., 6): that position and normal are, times
     that the yaw is if they are, each logistic."""
     evidence = np.asarray(evidence)
     ring, of_yaw = settings.confidence_ring, settings.confidence_yaw

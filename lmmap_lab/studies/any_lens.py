@@ -1,8 +1,8 @@
 """The port in a picture whose lens is unknown: one look at each of several focal lengths.
 
 The networks know how wide the ring's stroke is in pixels, which a picture from somewhere shows at any width.
-Each look resamples the whole picture as if it came through another lens, and the look counts in whose mask
-the ellipse stands out most.  Its distance is as wrong as the assumed focal length; the ellipse is not.
+Each look resamples the whole picture as if it came through another lens.  The look with the most confident
+pose counts, or without any the one in whose mask the ellipse stands out most.  Its distance is as wrong as the assumed focal length; the ellipse is not.
 """
 
 from __future__ import annotations
@@ -34,6 +34,11 @@ class Look(NamedTuple):
     ring_mask: np.ndarray
     estimate: Estimate
     contrast: float  # of the mask along the ellipse to that beside it; minus infinity without an ellipse
+
+    @property
+    def pose_confidence(self) -> float:
+        """Of the reported pose; without one zero."""
+        return 0.0 if self.estimate.T_cam_port is None else self.estimate.confidence
 
     def ellipse_in(self, size_px) -> Ellipse | None:
         """The ellipse in the pixels of the picture of that size (width, height)."""
@@ -75,8 +80,9 @@ def _same(mask: np.ndarray, _image) -> np.ndarray:
 
 
 def best_look(seen: Sequence[Look]) -> Look:
-    """The look whose ellipse stands out most in its mask; without any ellipse the first one."""
-    return max(seen, key=lambda look: look.contrast)
+    """The look with the most confident pose; without any pose the one whose ellipse stands out most in its
+    mask; without any ellipse the first one."""
+    return max(seen, key=lambda look: (look.pose_confidence, look.contrast))
 
 
 def markers_px(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:

@@ -31,7 +31,7 @@ def turned(T: Pose, axis, angle_deg: float) -> Pose:
 
 
 def evidence(T, image, masks, log_odds=10.0, markers_off_px=0.0):
-    return verify.evidence(T, COVARIANCE, markers_off_px, 0.02, log_odds, image, *masks, PORT, CAMERA)
+    return verify.evidence(T, COVARIANCE, markers_off_px, log_odds, image, *masks, PORT, CAMERA)
 
 
 @pytest.mark.parametrize("T", POSES)
@@ -73,14 +73,13 @@ def test_evidence_does_not_change_with_the_image_s_gain(gain):
 def test_less_certain_poses_are_less_confident():
     image, masks = drawn(POSES[1])
 
-    def confidence(covariance, yaw_sigma_rad, log_odds=3.0):
-        of_pose = covariance, 0.0, yaw_sigma_rad, log_odds, image, *masks, PORT, CAMERA
+    def confidence(covariance, log_odds=3.0):
+        of_pose = covariance, 0.0, log_odds, image, *masks, PORT, CAMERA
         return float(verify.confidence(verify.evidence(POSES[1], *of_pose)))
 
-    base = confidence(COVARIANCE, 0.02)
-    assert confidence(100 * COVARIANCE, 0.02) < base
-    assert confidence(COVARIANCE, 0.5) < base
-    assert confidence(COVARIANCE, 0.02, log_odds=0.0) < base
+    base = confidence(COVARIANCE)
+    assert confidence(100 * COVARIANCE) < base
+    assert confidence(COVARIANCE, log_odds=0.0) < base
 
 
 def test_markers_off_where_the_port_has_them_lower_the_confidence():
@@ -91,7 +90,7 @@ def test_markers_off_where_the_port_has_them_lower_the_confidence():
 
 def test_confidence_is_a_probability():
     rng = np.random.default_rng(0)
-    values = verify.confidence(50 * rng.standard_normal((200, 7)))
+    values = verify.confidence(50 * rng.standard_normal((200, 6)))
     assert values.shape == (200,) and np.all((values >= 0) & (values <= 1))
 
 
