@@ -27,7 +27,7 @@ class AnySamples(Protocol):
         """Frame (H, W, 3), or histogram (H, W) of so many events."""
 
 
-def make_batch(samples: AnySamples, recipe: Recipe, step: int):
+def make_batch(samples: AnySamples, recipe: Recipe, step: int, encode=encode):
     """Crops of step ``step``.  They depend on the recipe's seed and the step alone, so that runs resume.
 
     Returns

@@ -30,7 +30,8 @@ VALIDATION_IMAGES = 128  # of the last check, spread evenly
 
 
 @torch.inference_mode()
-def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDATION_IMAGES) -> dict:
+def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDATION_IMAGES,
+             encode=encode) -> dict:  # fmt: skip
     """Mean loss over the pixels of up to ``most`` images, and the intersection over union of all masks
     together."""
     net.eval()
@@ -50,7 +51,9 @@ def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDAT
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
           every: int | None = None,
           network: Callable[[int, float], torch.nn.Module] | None = None,
-          validation_images: int = VALIDATION_IMAGES) -> Path:  # fmt: skip
+          validation_images: int = VALIDATION_IMAGES,
+          samples_of: Callable[..., dataset.Samples] = dataset.Samples,
+          encode=encode, device: str = "") -> Path:  # fmt: skip
     """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
 
     Parameters
@@ -68,12 +71,18 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         It takes images (N, C, H, W) and returns logits (N, 1, H, W).
     validation_images
         Held-out images of the last check.
+    samples_of
+        Makes the samples of sequences, as `dataset.Samples`.
+    encode
+        Makes the network's input of their images, as `network.encode`.
+    device
+        Default: a graphics card where there is one.
     """
     names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
     dataset.make_samples(names, folder, report=report)
-    samples, held_out = (dataset.Samples(part, recipe.filter, recipe.modality, folder)
+    samples, held_out = (samples_of(part, recipe.filter, recipe.modality, folder)
                          for part in dataset.split(names))  # fmt: skip
-    prior, device = samples.positive_share(), "cuda" if torch.cuda.is_available() else "cpu"
+    prior, device = samples.positive_share(), device or ("cuda" if torch.cuda.is_available() else "cpu")
     tune_allocator()
     net, run = untrained(recipe, prior), recipe.name
     if network:
@@ -89,10 +98,12 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     start_s, losses = time.monotonic(), []
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step in range(start, recipe.steps):
-            losses.append(take_step(net, adam, make_batch(samples, recipe, step), recipe, step, teacher))
+            losses.append(
+                take_step(net, adam, make_batch(samples, recipe, step, encode), recipe, step, teacher)
+            )
             last = step + 1 == recipe.steps
             if last or (step + 1) % every == 0:
-                fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES)
+                fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES, encode)
                 curve.append({"step": step + 1, "training_loss": round(float(np.mean(losses)), 6), **fit})
                 checkpoint.parent.mkdir(parents=True, exist_ok=True)
                 save_checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
