@@ -161,7 +161,7 @@ def spiking_operations(net: SpikingNet, window: Window, camera: Camera) -> dict[
         counts = [int(torch.count_nonzero(values)) for values in spikes]
         synaptic, fired = synaptic + sum(np.multiply(counts, fan[1:])), fired + sum(counts)
         inputs = [values.numel() * (4 if k < 3 else 1) for k, values in enumerate(spikes)]
-        biases += sum(inputs) + x[0].numel()
+        biases += sum(inputs) + padded(x[:1]).numel()
     joule = 1e-12 * ADDITION_PJ
     neurons = sum(values.numel() for values in spikes)
     return {"operations": float(synaptic + biases), "millijoule": 1e3 * joule * (synaptic + biases),
@@ -172,7 +172,7 @@ def with_intervals(rows: pd.DataFrame, by: Sequence[str], seed: int = 0) -> pd.D
     """Means of `MEASURES` by groups, each with its 95 % interval: whole sequences of each light are drawn."""
     made = []
     for key, group in rows.groupby(list(by), sort=False):
-        sequences = group.sort_values("light").groupby(["light", "sequence"], sort=False)
+        sequences = group.sort_values(["light", "sequence"]).groupby(["light", "sequence"], sort=False)
         sums = sequences[list(MEASURES)].agg(["sum", "size"])
         lengths = sums.groupby(level="light", sort=False).size().tolist()
         drawn = np.concatenate([bootstrap.block_counts([n], 1, DRAWS, np.random.default_rng([seed, k]))

@@ -1,5 +1,6 @@
 """Nothing is tuned on what it is tested with: constants come from sequences that neither train nor test."""
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import training_seeds
 import tune_between
 import tune_fusion
 import validation_world
+import train_spikes
 import wrong_poses
 
 from lmmap.settings import OURS
@@ -21,7 +23,7 @@ from lmmap_lab.bench import photometry, varied
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, load_json
 from lmmap_lab.rig import port_views
-from lmmap_lab.studies import accuracy_run, between_images
+from lmmap_lab.studies import accuracy_run, between_images, spikes
 from lmmap_lab.training import dataset
 
 
@@ -173,3 +175,13 @@ def test_how_late_events_are_is_the_scripts_choice():
 def test_a_speed_of_the_study_is_another_path_than_those_that_tune():
     numbers = {name.rsplit("-", 1)[1] for name in between_images.SEQUENCES}
     assert not numbers & {name.rsplit("-", 1)[1] for name in tune_between.SEQUENCES}
+
+
+def test_spiking_networks_are_judged_on_what_nothing_else_uses():
+    judging = {f"realistic-{n}" for n in range(50_000, 50_150)}  # of benchmarks/spikes.py
+    assert not judging & {name for names in TUNED_ON.values() for name in names}
+    assert {*train_spikes.SEQUENCES} < {*dataset.SETS["low"]}
+    trained, _ = dataset.split(train_spikes.SEQUENCES)
+    assert {*train_spikes.BALANCED} <= {*trained}
+    made_by = json.loads(spikes.RESULTS.joinpath("outcomes.provenance.json").read_text())
+    assert made_by["first_sequence"] == 50_000 and made_by["sequences"] <= 150

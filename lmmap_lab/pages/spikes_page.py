@@ -1,0 +1,105 @@
+"""The figures of the chapter on spiking networks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import torch
+
+from lmmap.settings import PAPER
+from lmmap.types import Recording
+
+from ..studies import spikes
+from ..training.spiking import SpikingNet, sliced
+from .drawings import COLOUR, draw_intervals
+
+CROP_PX = 96
+STYLES = {  # colour and marker of a network; ordinary ones that take the whole histogram are lines
+    "converted, plain": ("paper", "v"), "converted, signed": ("event", "o"),
+    "trained, plain": ("rival", "s"), "trained, signed": ("truth", "D"),
+    "ordinary": ("rgb", "x"), "ordinary, scaled": ("ours", "+"),
+}  # fmt: skip
+WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of the markers' masks",
+         "right_percent": "right poses (%)", "wrong_percent": "wrong poses (%)"}  # fmt: skip
+
+
+def crop_of(recording: Recording, centre_px, slices: int, first: int = 0) -> torch.Tensor:
+    """Slices (T, 1, S, S) of a window of a recording, around a pixel (u, v)."""
+    events, (width, height) = (
+        recording.events[first : first + PAPER.events_per_window],
+        recording.camera.size_px,
+    )
+    x = sliced(events["y"].astype(int) * width + events["x"], (height, width), slices)
+    low = np.clip(np.rint(centre_px).astype(int) - CROP_PX // 2, 0, [width - CROP_PX, height - CROP_PX])
+    return torch.from_numpy(x[:, None, low[1] : low[1] + CROP_PX, low[0] : low[0] + CROP_PX].copy())
+
+
+@torch.inference_mode()
+def membranes(net: SpikingNet, x: torch.Tensor, row: int, column: int) -> pd.DataFrame:
+    """What an output pixel's logit is after each slice, and the busiest neuron of the first layer there.
+
+    Returns
+    -------
+    DataFrame
+        ``logit``, ``spike`` (-1, 0, 1) and ``fired`` (in thresholds), a row a slice.
+    """
+    answers = [(float(z[0, 0, row, column]), s[0][0, :, row // 2, column // 2]) for z, s in net.answers(x)]
+    sent = torch.stack([first for _, first in answers]) / (net.ceilings[0][:, 0, 0] / net.slices)
+    busiest = int(sent.abs().sum(0).argmax())
+    spike = sent[:, busiest].round().numpy()
+    return pd.DataFrame({"logit": [z for z, _ in answers], "spike": spike, "fired": np.cumsum(spike)})
+
+
+def draw_membranes(axes, of_kinds: dict[str, pd.DataFrame], ordinary: float) -> None:
+    """Spikes of a neuron of the first layer (above), and the logit of the output pixel (below), over events."""
+    top, bottom = axes
+    for kind, table in of_kinds.items():
+        colour = COLOUR[STYLES[f"converted, {kind}"][0]]
+        events = PAPER.events_per_window * np.arange(1, len(table) + 1) / len(table)
+        top.step(events, table.fired, where="post", color=colour, label=kind)
+        bottom.plot(events, table.logit, color=colour, label=kind)
+    bottom.axhline(ordinary, color=COLOUR["rgb"], lw=1, ls="--", label="ordinary, in the end")
+    top.set(ylabel="spikes, taken-back ones off")
+    bottom.set(xlabel="events so far", ylabel="logit of the pixel")
+    for ax in axes:
+        ax.legend(fontsize=8)
+
+
+def draw_curves(axes, outcomes: pd.DataFrame, over: str, networks, measures) -> None:
+    """Measures over ``slices`` or ``events``, with intervals; ordinary networks have no slices, so are lines."""
+    for ax, measure in zip(axes, measures, strict=True):
+        for k, name in enumerate(networks):
+            rows = outcomes[outcomes.network == name].sort_values(over)
+            colour, low, high = COLOUR[STYLES[name][0]], rows[f"{measure}_low"], rows[f"{measure}_high"]
+            if over == "slices" and name == "ordinary":
+                ax.axhline(rows[measure].iloc[0], color=colour, lw=1, ls="--", label=name)
+                ax.axhspan(low.iloc[0], high.iloc[0], color=colour, alpha=0.15, lw=0)
+                continue
+            x = rows[over] * (1 + 0.02 * (k - 1))
+            draw_intervals(ax, x, rows[measure], low, high, colour, name)
+            ax.plot(x, rows[measure], color=colour, lw=1)
+        ax.set(xlabel={"slices": "slices T", "events": "events so far"}[over], ylabel=WORDS[measure])
+        if over == "slices":
+            ax.set_xscale("log", base=2)
+            ax.set_xticks(spikes.SLICES, [str(n) for n in spikes.SLICES])
+            ax.minorticks_off()
+
+
+def outcome_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means of groups in words, each with its interval in brackets: a row a network, a column a group."""
+
+    def text(row, measure: str) -> str:
+        digits = 2 if measure.startswith("iou") else 0
+        value, low, high = (row[measure + end] for end in ("", "_low", "_high"))
+        return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+    measures = ("iou_ring", "right_percent", "wrong_percent")
+    cells = [{"network": row["network"], "of": row["of"], "what": WORDS[m], "text": text(row, m)}
+             for _, row in rows.iterrows() for m in measures]  # fmt: skip
+    wide = pd.DataFrame(cells).pivot(index=["what", "network"], columns="of", values="text")
+    order = [(WORDS[m], n) for m in measures for n in STYLES if (WORDS[m], n) in wide.index]
+    return (
+        wide.reindex(order)[list(dict.fromkeys(rows["of"]))]
+        .rename_axis([None, None])
+        .rename_axis(columns=None)
+    )
