@@ -23,35 +23,34 @@ WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of th
          "right_percent": "right poses (%)", "wrong_percent": "wrong poses (%)"}  # fmt: skip
 
 
-def crop_of(recording: Recording, centre_px, slices: int, first: int = 0) -> torch.Tensor:
-    """Slices (T, 1, S, S) of a window of a recording, around a pixel (u, v)."""
-    events, (width, height) = (
-        recording.events[first : first + PAPER.events_per_window],
-        recording.camera.size_px,
-    )
+def crop_of(recording: Recording, pixel, slices: int) -> tuple[torch.Tensor, tuple[int, int]]:
+    """Slices (T, 1, S, S) of a recording's first window around a pixel (u, v), and where the pixel is in them."""
+    events, (width, height) = recording.events[: PAPER.events_per_window], recording.camera.size_px
     x = sliced(events["y"].astype(int) * width + events["x"], (height, width), slices)
-    low = np.clip(np.rint(centre_px).astype(int) - CROP_PX // 2, 0, [width - CROP_PX, height - CROP_PX])
-    return torch.from_numpy(x[:, None, low[1] : low[1] + CROP_PX, low[0] : low[0] + CROP_PX].copy())
+    at = np.rint(pixel).astype(int)
+    low = np.clip(at - CROP_PX // 2, 0, [width - CROP_PX, height - CROP_PX])
+    crop = x[:, None, low[1] : low[1] + CROP_PX, low[0] : low[0] + CROP_PX]
+    return torch.from_numpy(crop.copy()), tuple((at - low).tolist())
 
 
 @torch.inference_mode()
-def membranes(net: SpikingNet, x: torch.Tensor, row: int, column: int) -> pd.DataFrame:
-    """What an output pixel's logit is after each slice, and the busiest neuron of the first layer there.
+def membranes(net: SpikingNet, x: torch.Tensor, at: tuple[int, int]) -> pd.DataFrame:
+    """An output pixel's logit after each slice, and the busiest neuron of the first layer there.
 
     Returns
     -------
     DataFrame
-        ``logit``, ``spike`` (-1, 0, 1) and ``fired`` (in thresholds), a row a slice.
+        ``logit``, and ``fired``: spikes so far, less those taken back; a row a slice.
     """
+    column, row = at
     answers = [(float(z[0, 0, row, column]), s[0][0, :, row // 2, column // 2]) for z, s in net.answers(x)]
     sent = torch.stack([first for _, first in answers]) / (net.ceilings[0][:, 0, 0] / net.slices)
-    busiest = int(sent.abs().sum(0).argmax())
-    spike = sent[:, busiest].round().numpy()
-    return pd.DataFrame({"logit": [z for z, _ in answers], "spike": spike, "fired": np.cumsum(spike)})
+    fired = sent[:, int(sent.abs().sum(0).argmax())].round().cumsum(0)
+    return pd.DataFrame({"logit": [z for z, _ in answers], "fired": fired.numpy()})
 
 
 def draw_membranes(axes, of_kinds: dict[str, pd.DataFrame], ordinary: float) -> None:
-    """Spikes of a neuron of the first layer (above), and the logit of the output pixel (below), over events."""
+    """Spikes of the first layer's neuron (above) and the output pixel's logit (below), over the events."""
     top, bottom = axes
     for kind, table in of_kinds.items():
         colour = COLOUR[STYLES[f"converted, {kind}"][0]]
@@ -66,7 +65,7 @@ def draw_membranes(axes, of_kinds: dict[str, pd.DataFrame], ordinary: float) -> 
 
 
 def draw_curves(axes, outcomes: pd.DataFrame, over: str, networks, measures) -> None:
-    """Measures over ``slices`` or ``events``, with intervals; ordinary networks have no slices, so are lines."""
+    """Measures over ``slices`` or ``events``, with intervals; an ordinary network has no slices: a line."""
     for ax, measure in zip(axes, measures, strict=True):
         for k, name in enumerate(networks):
             rows = outcomes[outcomes.network == name].sort_values(over)
@@ -103,3 +102,37 @@ def outcome_table(rows: pd.DataFrame) -> pd.DataFrame:
         .rename_axis([None, None])
         .rename_axis(columns=None)
     )
+
+
+def facts(outcomes: pd.DataFrame) -> dict[str, float]:
+    """The numbers of the chapter's text; right and wrong are percentages of the windows."""
+    every = outcomes[outcomes.group == "all"].set_index(["network", "slices", "events"]).sort_index()
+    whole, half, most = spikes.EVENTS[-1], spikes.EVENTS[1], spikes.SLICES[-1]
+    rows = {
+        "ordinary": ("ordinary", 1, whole), "half_ordinary": ("ordinary", 1, half),
+        "half_scaled": ("ordinary, scaled", 1, half), "half_signed": ("converted, signed", spikes.WATCHED, half),
+        "plain": ("converted, plain", most, whole), "signed": ("converted, signed", most, whole),
+        "few_signed": ("converted, signed", spikes.TRAINED_SLICES, whole),
+        "few_plain": ("converted, plain", spikes.TRAINED_SLICES, whole),
+        "trained_plain": ("trained, plain", spikes.TRAINED_SLICES, whole),
+        "trained_signed": ("trained, signed", spikes.TRAINED_SLICES, whole),
+        "half_trained": ("trained, signed", spikes.TRAINED_SLICES, half),
+    }  # fmt: skip
+    named = {"iou": "iou_ring", "right": "right_percent", "wrong": "wrong_percent"}
+    of_rows = {f"{name}_{word}": float(every.loc[key, column])
+               for name, key in rows.items() if key in every.index for word, column in named.items()}  # fmt: skip
+    counted = every.loc["ordinary", 1, whole]
+    return {"windows": int(counted.windows), "sequences": int(counted.sequences), "most": most,
+            "watched": spikes.WATCHED, "few": spikes.TRAINED_SLICES, "half": f"{half:,}"} | of_rows  # fmt: skip
+
+
+def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
+    """What a window's ring mask takes, in words; *needed* leaves out what is multiplied by zero."""
+    words = {"network": "network", "slices": "slices", "operations": "operations (10⁹)",
+             "operations_needed": "needed (10⁹)", "millijoule": "energy (mJ)",
+             "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes a neuron",
+             "core_ms": "ring and markers on one core (ms)"}  # fmt: skip
+    billions = costs.assign(
+        operations=1e-9 * costs.operations, operations_needed=1e-9 * costs.operations_needed
+    )
+    return billions[list(words)].rename(columns=words)

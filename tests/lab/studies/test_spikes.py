@@ -31,8 +31,8 @@ def test_a_neuron_has_as_many_connections_as_its_impulse_reaches(ones):
     to_last = up_to_one_channel((impulse(128),), last.weight, last.bias).sum()
     after_down_1 = torch.cat([nothing[:, :128], impulse(128)], 1)
     reached = [ones.down[0](impulse(1)).sum(), ones.down[1](impulse(64)).sum() + to_last,
-               ones.down[2](impulse(128)).sum() + ones.up[1](after_down_1).sum(), ones.up[0](impulse(256)).sum(),
-               ones.up[1](impulse(256)).sum(), to_last]  # fmt: skip
+               ones.down[2](impulse(128)).sum() + ones.up[1](after_down_1).sum(),
+               ones.up[0](impulse(256)).sum(), ones.up[1](impulse(256)).sum(), to_last]  # fmt: skip
     assert spikes.fan_out(ones) == [int(count) for count in reached]
 
 
@@ -59,10 +59,9 @@ def test_operations_of_silence_and_of_one_layer(ones, rng):
 
 def rows(light, values):
     """One row a window; ``values`` by sequence."""
-    return pd.DataFrame([
-        {"network": "a", "light": light, "sequence": f"{light}-{k}"} | dict.fromkeys(spikes.MEASURES, float(v))
-        for k, of in enumerate(values) for v in of
-    ])  # fmt: skip
+    facts = [({"sequence": f"{light}-{k}"}, value) for k, of in enumerate(values) for value in of]
+    table = pd.DataFrame([fact | dict.fromkeys(spikes.MEASURES, float(value)) for fact, value in facts])
+    return table.assign(network="a", light=light)
 
 
 def test_means_are_of_windows_and_intervals_of_sequences(rng):

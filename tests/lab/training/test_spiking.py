@@ -1,4 +1,4 @@
-"""Spiking neurons keep every charge and fire as ReLUs let pass; a network of them becomes the ordinary one."""
+"""Spiking neurons keep every charge and fire as ReLUs let pass, and so does a network of them."""
 
 import numpy as np
 import pytest

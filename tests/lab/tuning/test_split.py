@@ -11,11 +11,11 @@ import measure_ports
 import numpy as np
 import pandas as pd
 import pytest
+import train_spikes
 import training_seeds
 import tune_between
 import tune_fusion
 import validation_world
-import train_spikes
 import wrong_poses
 
 from lmmap.settings import OURS
