@@ -24,7 +24,7 @@ WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of th
 
 
 def crop_of(recording: Recording, pixel, slices: int) -> tuple[torch.Tensor, tuple[int, int]]:
-    """Slices (T, 1, S, S) of a recording's first window around a pixel (u, v), and where the pixel is in them."""
+    """Slices (T, 1, S, S) of a recording's first window around a pixel, and where in them the pixel is."""
     events, (width, height) = recording.events[: PAPER.events_per_window], recording.camera.size_px
     x = sliced(events["y"].astype(int) * width + events["x"], (height, width), slices)
     at = np.rint(pixel).astype(int)
@@ -110,7 +110,8 @@ def facts(outcomes: pd.DataFrame) -> dict[str, float]:
     whole, half, most = spikes.EVENTS[-1], spikes.EVENTS[1], spikes.SLICES[-1]
     rows = {
         "ordinary": ("ordinary", 1, whole), "half_ordinary": ("ordinary", 1, half),
-        "half_scaled": ("ordinary, scaled", 1, half), "half_signed": ("converted, signed", spikes.WATCHED, half),
+        "half_scaled": ("ordinary, scaled", 1, half),
+        "half_signed": ("converted, signed", spikes.WATCHED, half),
         "plain": ("converted, plain", most, whole), "signed": ("converted, signed", most, whole),
         "few_signed": ("converted, signed", spikes.TRAINED_SLICES, whole),
         "few_plain": ("converted, plain", spikes.TRAINED_SLICES, whole),
@@ -118,12 +119,12 @@ def facts(outcomes: pd.DataFrame) -> dict[str, float]:
         "trained_signed": ("trained, signed", spikes.TRAINED_SLICES, whole),
         "half_trained": ("trained, signed", spikes.TRAINED_SLICES, half),
     }  # fmt: skip
-    named = {"iou": "iou_ring", "right": "right_percent", "wrong": "wrong_percent"}
-    of_rows = {f"{name}_{word}": float(every.loc[key, column])
-               for name, key in rows.items() if key in every.index for word, column in named.items()}  # fmt: skip
-    counted = every.loc["ordinary", 1, whole]
-    return {"windows": int(counted.windows), "sequences": int(counted.sequences), "most": most,
-            "watched": spikes.WATCHED, "few": spikes.TRAINED_SLICES, "half": f"{half:,}"} | of_rows  # fmt: skip
+    measures = {"iou": "iou_ring", "right": "right_percent", "wrong": "wrong_percent"}
+    known = {name: every.loc[key] for name, key in rows.items() if key in every.index}
+    named = {f"{n}_{word}": float(row[m]) for n, row in known.items() for word, m in measures.items()}
+    counts = {"windows": int(known["ordinary"].windows), "sequences": int(known["ordinary"].sequences)}
+    slices = {"most": most, "watched": spikes.WATCHED, "few": spikes.TRAINED_SLICES, "half": f"{half:,}"}
+    return counts | slices | named
 
 
 def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
@@ -132,7 +133,5 @@ def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
              "operations_needed": "needed (10⁹)", "millijoule": "energy (mJ)",
              "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes a neuron",
              "core_ms": "ring and markers on one core (ms)"}  # fmt: skip
-    billions = costs.assign(
-        operations=1e-9 * costs.operations, operations_needed=1e-9 * costs.operations_needed
-    )
-    return billions[list(words)].rename(columns=words)
+    counts = ["operations", "operations_needed"]
+    return costs.assign(**(1e-9 * costs[counts]))[list(words)].rename(columns=words)
