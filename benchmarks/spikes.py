@@ -128,7 +128,8 @@ def outcomes(rows: pd.DataFrame) -> pd.DataFrame:
     words = [f"{low:.0f} to {high:.0f} mm/s" for low, high in pairwise(cuts)]
     groups = {"all": "all", "light": rows.light, "speed": np.array(words)[third]}
     by = ["group", "of", "network", "slices", "events"]
-    tables = [spikes.with_intervals(rows.assign(group=group, of=of), by) for group, of in groups.items()]
+    slow_first = [rows.assign(group=group, of=of).sort_values("speed_mm_s") for group, of in groups.items()]
+    tables = [spikes.with_intervals(table, by) for table in slow_first]
     return pd.concat(tables, ignore_index=True)
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 import torch
 
+from lmmap.pipeline.network import FilterNet
 from lmmap.settings import PAPER
 from lmmap.types import Recording
 
 from ..studies import spikes
-from ..training.spiking import SpikingNet, sliced
+from ..training.spiking import SpikingNet, activations, sliced
 from .drawings import COLOUR, draw_intervals
 
 CROP_PX = 96
@@ -33,33 +36,44 @@ def crop_of(recording: Recording, pixel, slices: int) -> tuple[torch.Tensor, tup
     return torch.from_numpy(crop.copy()), tuple((at - low).tolist())
 
 
+class AtPixel(NamedTuple):
+    """A pixel's logit after each slice (T,), and what its neurons of the first layer have sent by then, in
+    spikes (T, 64); those taken back do not count."""
+
+    logit: np.ndarray
+    fired: np.ndarray
+
+
 @torch.inference_mode()
-def membranes(net: SpikingNet, x: torch.Tensor, at: tuple[int, int]) -> pd.DataFrame:
-    """An output pixel's logit after each slice, and the busiest neuron of the first layer there.
+def spiking_at(net: SpikingNet, x: torch.Tensor, at: tuple[int, int]) -> AtPixel:
+    """What a spiking network makes of slices (T, 1, S, S) at a pixel (u, v)."""
+    (column, row), thresholds = at, net.ceilings[0][:, 0, 0] / net.slices
+    answers = [(z[0, 0, row, column], s[0][0, :, row // 2, column // 2]) for z, s in net.answers(x)]
+    logits, sent = (torch.stack(values) for values in zip(*answers, strict=True))
+    return AtPixel(logits.numpy(), (sent / thresholds).round().cumsum(0).numpy())
 
-    Returns
-    -------
-    DataFrame
-        ``logit``, and ``fired``: spikes so far, less those taken back; a row a slice.
-    """
+
+@torch.inference_mode()
+def ordinary_at(net: FilterNet, thresholds: torch.Tensor, x: torch.Tensor, at: tuple[int, int]) -> AtPixel:
+    """The same of an ordinary network and the whole window (1, 1, S, S)."""
     column, row = at
-    answers = [(float(z[0, 0, row, column]), s[0][0, :, row // 2, column // 2]) for z, s in net.answers(x)]
-    sent = torch.stack([first for _, first in answers]) / (net.ceilings[0][:, 0, 0] / net.slices)
-    fired = sent[:, int(sent.abs().sum(0).argmax())].round().cumsum(0)
-    return pd.DataFrame({"logit": [z for z, _ in answers], "fired": fired.numpy()})
+    passed = activations(net, x)[0][0, :, row // 2, column // 2] / thresholds
+    return AtPixel(net(x)[0, 0, row, column].numpy()[None], passed.numpy()[None])
 
 
-def draw_membranes(axes, of_kinds: dict[str, pd.DataFrame], ordinary: float) -> None:
-    """Spikes of the first layer's neuron (above) and the output pixel's logit (below), over the events."""
-    top, bottom = axes
-    for kind, table in of_kinds.items():
+def draw_pixel(axes, of_kinds: dict[str, AtPixel], ordinary: AtPixel) -> None:
+    """Spikes of the neuron that is most wrong if it is plain (above) and the pixel's logit (below)."""
+    neuron = int(np.argmax(of_kinds["plain"].fired[-1] - ordinary.fired[-1]))
+    (top, bottom), dashed = axes, dict(color=COLOUR["rgb"], lw=1.2, ls="--", label="ordinary, in the end")
+    for kind, found in of_kinds.items():
         colour = COLOUR[STYLES[f"converted, {kind}"][0]]
-        events = PAPER.events_per_window * np.arange(1, len(table) + 1) / len(table)
-        top.step(events, table.fired, where="post", color=colour, label=kind)
-        bottom.plot(events, table.logit, color=colour, label=kind)
-    bottom.axhline(ordinary, color=COLOUR["rgb"], lw=1, ls="--", label="ordinary, in the end")
-    top.set(ylabel="spikes, taken-back ones off")
-    bottom.set(xlabel="events so far", ylabel="logit of the pixel")
+        events = 1e-3 * PAPER.events_per_window * np.arange(1, len(found.logit) + 1) / len(found.logit)
+        top.step(events, found.fired[:, neuron], where="post", color=colour, label=kind)
+        bottom.plot(events, found.logit, color=colour, label=kind)
+    top.axhline(ordinary.fired[-1, neuron], **dashed)
+    bottom.axhline(ordinary.logit[-1], **dashed)
+    top.set(ylabel="spikes so far")
+    bottom.set(xlabel="events so far (thousands)", ylabel="logit of the pixel")
     for ax in axes:
         ax.legend(fontsize=8)
 
@@ -74,10 +88,12 @@ def draw_curves(axes, outcomes: pd.DataFrame, over: str, networks, measures) -> 
                 ax.axhline(rows[measure].iloc[0], color=colour, lw=1, ls="--", label=name)
                 ax.axhspan(low.iloc[0], high.iloc[0], color=colour, alpha=0.15, lw=0)
                 continue
-            x = rows[over] * (1 + 0.02 * (k - 1))
+            x = rows[over] * 1.03 ** (k - 1) if over == "slices" else 1e-3 * rows[over] + 0.25 * (k - 1)
             draw_intervals(ax, x, rows[measure], low, high, colour, name)
             ax.plot(x, rows[measure], color=colour, lw=1)
-        ax.set(xlabel={"slices": "slices T", "events": "events so far"}[over], ylabel=WORDS[measure])
+        ax.set(
+            xlabel={"slices": "slices T", "events": "events so far (thousands)"}[over], ylabel=WORDS[measure]
+        )
         if over == "slices":
             ax.set_xscale("log", base=2)
             ax.set_xticks(spikes.SLICES, [str(n) for n in spikes.SLICES])
