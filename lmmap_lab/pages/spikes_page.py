@@ -22,6 +22,7 @@ STYLES = {  # colour and marker of a network; ordinary ones that take the whole 
     "trained, plain": ("rival", "s"), "trained, signed": ("truth", "D"),
     "ordinary": ("rgb", "x"), "ordinary, scaled": ("ours", "+"),
 }  # fmt: skip
+LABELS = {"slices": "slices T", "events": "events so far (thousands)"}
 WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of the markers' masks",
          "right_percent": "right poses (%)", "wrong_percent": "wrong poses (%)"}  # fmt: skip
 
@@ -91,9 +92,7 @@ def draw_curves(axes, outcomes: pd.DataFrame, over: str, networks, measures) -> 
             x = rows[over] * 1.03 ** (k - 1) if over == "slices" else 1e-3 * rows[over] + 0.25 * (k - 1)
             draw_intervals(ax, x, rows[measure], low, high, colour, name)
             ax.plot(x, rows[measure], color=colour, lw=1)
-        ax.set(
-            xlabel={"slices": "slices T", "events": "events so far (thousands)"}[over], ylabel=WORDS[measure]
-        )
+        ax.set(xlabel=LABELS[over], ylabel=WORDS[measure])
         if over == "slices":
             ax.set_xscale("log", base=2)
             ax.set_xticks(spikes.SLICES, [str(n) for n in spikes.SLICES])
