@@ -20,7 +20,7 @@ CROP_PX = 96
 STYLES = {  # colour and marker of a network; ordinary ones that take the whole histogram are lines
     "converted, plain": ("paper", "v"), "converted, signed": ("event", "o"),
     "trained, plain": ("rival", "s"), "trained, signed": ("truth", "D"),
-    "ordinary": ("rgb", "x"), "ordinary, scaled": ("ours", "+"),
+    "ordinary": ("rgb", "x"),
 }  # fmt: skip
 LABELS = {"slices": "slices T", "events": "events so far (thousands)"}
 WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of the markers' masks",
@@ -125,7 +125,6 @@ def facts(outcomes: pd.DataFrame) -> dict[str, float]:
     whole, half, most = spikes.EVENTS[-1], spikes.EVENTS[1], spikes.SLICES[-1]
     rows = {
         "ordinary": ("ordinary", 1, whole), "half_ordinary": ("ordinary", 1, half),
-        "half_scaled": ("ordinary, scaled", 1, half),
         "half_signed": ("converted, signed", spikes.WATCHED, half),
         "plain": ("converted, plain", most, whole), "signed": ("converted, signed", most, whole),
         "few_signed": ("converted, signed", spikes.TRAINED_SLICES, whole),

@@ -89,13 +89,10 @@ def mask_of(logits: torch.Tensor) -> np.ndarray:
 
 @torch.inference_mode()
 def ordinary_masks(name: str, nets, window: Window, camera: Camera) -> Iterator[Seen]:
-    """Of the histogram of the first events; also with its counts multiplied as if the window went on so."""
-    whole = len(window.pixels)
+    """Of the histogram of the first events, for each of `EVENTS`."""
     for events in EVENTS:
-        counts = SATURATION * input_of(nets[0], window._replace(pixels=window.pixels[:events]), camera, 1)
-        for network, scale in ((name, 1), (f"{name}, scaled", whole / events))[: 2 if events < whole else 1]:
-            x = (counts * scale).clamp(max=SATURATION) / SATURATION
-            yield Seen(network, 1, events, tuple(mask_of(net(x)) for net in nets))
+        x = input_of(nets[0], window._replace(pixels=window.pixels[:events]), camera, 1)
+        yield Seen(name, 1, events, tuple(mask_of(net(x)) for net in nets))
 
 
 @torch.inference_mode()
@@ -153,15 +150,17 @@ def ordinary_operations(net: FilterNet, window: Window, camera: Camera) -> dict[
 def spiking_operations(net: SpikingNet, window: Window, camera: Camera) -> dict[str, float]:
     """Additions of a window's mask, and their energy: one a spike and connection, and the biases'.
 
-    A bias comes to each input of a neuron in each slice; a neuron that is pooled has four inputs.
+    A bias comes to each input of a neuron: with each slice if it is plain, once if it is signed.  A neuron
+    that is pooled has four inputs.
     """
     x, fan = input_of(net, window, camera, net.slices), fan_out(net.net)
-    synaptic, biases, fired = round(SATURATION * float(x.sum())) * fan[0], 0, 0
+    synaptic, fired = round(SATURATION * float(x.sum())) * fan[0], 0
     for _, spikes in net.answers(x):
         counts = [int(torch.count_nonzero(values)) for values in spikes]
         synaptic, fired = synaptic + sum(np.multiply(counts, fan[1:])), fired + sum(counts)
         inputs = [values.numel() * (4 if k < 3 else 1) for k, values in enumerate(spikes)]
-        biases += sum(inputs) + padded(x[:1]).numel()
+        biases = sum(inputs) + padded(x[:1]).numel()
+    biases *= 1 if net.signed else net.slices
     joule = 1e-12 * ADDITION_PJ
     neurons = sum(values.numel() for values in spikes)
     return {"operations": float(synaptic + biases), "millijoule": 1e3 * joule * (synaptic + biases),

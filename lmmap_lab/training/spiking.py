@@ -121,8 +121,9 @@ class SpikingNet(nn.Module):
     def answers(self, x: torch.Tensor) -> Iterator[tuple[torch.Tensor, list[torch.Tensor]]]:
         """After each slice, the logits (N, 1, H, W) so far, and the spikes that it made in the five layers.
 
-        What the last layer has added up in t of T slices is taken T / t times: a window that goes on as it
-        began ends at these logits.
+        Signed neurons get their biases with the first slice, so that they follow the ordinary network on the
+        events so far.  Plain ones could not take back what a bias makes them fire; they get a part with each
+        slice, and what the last layer has added up in t of T slices is taken T / t times.
         """
         height, width = x.shape[-2:]
         x = padded(x).unflatten(0, (self.slices, -1))
@@ -130,20 +131,21 @@ class SpikingNet(nn.Module):
         layers = [Neurons(theta, self.signed, pooled=k < 3) for k, theta in enumerate(thresholds)]
         total = 0
         for t, slice_ in enumerate(x, 1):
-            spikes, current = self._step(layers, slice_)
+            share, scale = (float(t == 1), 1) if self.signed else (1 / self.slices, self.slices / t)
+            spikes, current = self._step(layers, slice_, share)
             total = total + current
-            yield (total * (self.slices / t))[..., :height, :width], spikes
+            yield (total * scale)[..., :height, :width], spikes
 
-    def _step(self, layers: list[Neurons], x: torch.Tensor):
-        """The spikes that one slice makes, and what they add to the logits."""
+    def _step(self, layers: list[Neurons], x: torch.Tensor, share: float):
+        """The spikes that one slice and a share of the biases make, and what they add to the logits."""
         net, spikes = self.net, []
         for neurons, down in zip(layers[:3], net.down, strict=True):
-            x = neurons(F.conv2d(x, down.weight, down.bias / self.slices, padding=1))
+            x = neurons(F.conv2d(x, down.weight, down.bias * share, padding=1))
             spikes.append(x)
         for neurons, up, beside in zip(layers[3:], net.up[:2], (spikes[1], spikes[0]), strict=True):
-            spikes.append(neurons(F.conv_transpose2d(x, up.weight, up.bias / self.slices, 2, 1, 1)))
+            spikes.append(neurons(F.conv_transpose2d(x, up.weight, up.bias * share, 2, 1, 1)))
             x = torch.cat([spikes[-1], beside], 1)
-        return spikes, up_to_one_channel((x,), net.up[2].weight, net.up[2].bias / self.slices)
+        return spikes, up_to_one_channel((x,), net.up[2].weight, net.up[2].bias * share)
 
 
 def padded(x: torch.Tensor) -> torch.Tensor:

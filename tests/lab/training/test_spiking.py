@@ -96,8 +96,8 @@ def net():
 
 @pytest.mark.parametrize("signed", [False, True])
 def test_with_many_slices_of_constant_input_the_network_is_the_ordinary_one(net, signed):
-    x = torch.rand(2, 1, *SHAPE)
-    ceilings = [layer.amax((0, 2, 3)).clamp(min=1e-3) for layer in activations(net, x)]
+    x = torch.rand(2, 1, *SHAPE)  # below the ceilings, or neurons could not catch up with those before them
+    ceilings = [1.5 * layer.amax((0, 2, 3)).clamp(min=1e-3) for layer in activations(net, x)]
     ordinary, errors = net(x), []
     for count in (4, 32, 256):
         spiking = SpikingNet(net, count, signed, ceilings)
@@ -105,6 +105,16 @@ def test_with_many_slices_of_constant_input_the_network_is_the_ordinary_one(net,
         errors.append(((logits - ordinary).abs().mean() / ordinary.std()).item())
     assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
     assert errors[2] < 0.05
+
+
+def test_at_any_time_a_signed_network_follows_the_ordinary_one_on_what_has_come(net):
+    count, x = 256, torch.rand(1, 1, *SHAPE)
+    ceilings = [layer.amax((0, 2, 3)).clamp(min=1e-3) for layer in activations(net, x)]
+    spiking = SpikingNet(net, count, True, ceilings)
+    for t, (logits, _) in enumerate(spiking.answers((x / count).repeat(count, 1, 1, 1)), 1):
+        if t in (count // 2, 3 * count // 4, count):
+            ordinary = net(x * t / count)
+            assert (logits - ordinary).abs().mean() < 0.05 * ordinary.std()
 
 
 def test_each_window_of_a_batch_has_its_own_neurons(net):
