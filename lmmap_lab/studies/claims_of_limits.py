@@ -1,4 +1,5 @@
-"""The paper's claims about limits: hard cases, empty images, windows, odometry, and what cannot be tested."""
+"""The paper's claims about limits: hard cases, empty images, windows, odometry, and what cannot be tested;
+and what it proposes to try next."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import pandas as pd
 from lmmap.settings import PAPER
 
 from ..provenance import DATA
-from .verdicts import FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, verdict
+from .verdicts import FAILS, HOLDS, PARTLY, TRIED, UNTESTED, other_results, row, verdict
 
 SEES_PERCENT, BLIND_PERCENT = 50.0, 10.0  # images with an ellipse: of a camera that sees, of a blind one
 RARE = 1e-3  # of images without a port: the paper's 5 in 5000
@@ -23,6 +24,7 @@ def claims_of_limits(counts: pd.DataFrame) -> Iterator[dict]:
     yield _window()
     yield _odometry()
     yield from _elsewhere()
+    yield _spikes()
 
 
 def _hard_cases(counts):
@@ -88,6 +90,20 @@ def _odometry():
         {"ours": (text, verdict(percent < 100 - OFTEN_PERCENT))},
         f"often: no pose in over {OFTEN_PERCENT:.0f} %; accuracy and reasons are in the chapter on visual "
         "odometry",
+    )
+
+
+def _spikes():
+    """What the best spiking network makes of whole windows."""
+    outcomes = pd.read_csv(DATA / "results" / "spikes" / "outcomes.csv").query("group == 'all'")
+    whole = outcomes[outcomes.events == PAPER.events_per_window].set_index("network").right_percent
+    spiking = whole.drop("ordinary").max()
+    return row(
+        "Spiking networks are to exploit the time of events better",
+        "future work",
+        {"ours": (f"right in {spiking:.0f} %; the ordinary network in {whole['ordinary']:.0f} %", TRIED)},
+        "no claim, and so no verdict; the best of our spiking networks, on whole windows, is shown, and the "
+        "chapter on spikes has the rest",
     )
 
 

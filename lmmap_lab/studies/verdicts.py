@@ -9,6 +9,7 @@ from ..provenance import DATA
 
 HOLDS, PARTLY, FAILS = "holds", "partly", "does not hold"
 UNTESTED, NOT_RUN = "cannot be tested here", "not run"
+TRIED = "future work, tried"  # of a proposal of the paper, which claims no result
 ESTIMATORS = {"as_printed": "as printed", "printed": "printed formula", "ours": "ours"}
 COLUMNS = ["claim", "paper", *ESTIMATORS, *(f"{e}_verdict" for e in ESTIMATORS), "decides", "verdict", "why"]
 

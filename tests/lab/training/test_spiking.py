@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.network import FilterNet, encode
-from lmmap_lab.training.slices import SliceSamples
+from lmmap_lab.training.slices import SliceSamples, encode_slices
 from lmmap_lab.training.spiking import Neurons, Spike, SpikingNet, activations, ceilings_of, sliced
 
 SHAPE = (16, 24)
@@ -165,7 +165,7 @@ def test_samples_come_in_slices_in_the_order_of_time(tmp_path, rng):
     np.save(folder / "event.npy", pixels)
     np.save(folder / "event_labels.npy", np.ones((2, *SHAPE), np.uint8))
     samples = SliceSamples(["augmented-0"], "ring", "event", tmp_path, 6)
-    batch = samples.encode(np.stack([samples.image(i) for i in range(2)]))
+    batch = encode_slices(np.stack([samples.image(i) for i in range(2)]))
     assert batch.shape == (12, 1, *SHAPE) and batch.dtype == torch.float32
     for window in range(2):
         np.testing.assert_allclose(batch[window::2, 0], sliced(pixels[window], SHAPE, 6))

@@ -87,10 +87,10 @@ def _run(recipe, folder, steps):
 
     original = train.make_batch
 
-    def batch(samples, recipe, step):
+    def batch(samples, recipe, step, encode):
         if step == steps:
             raise Killed
-        return original(samples, recipe, step)
+        return original(samples, recipe, step, encode)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(train, "make_batch", batch)
