@@ -1,11 +1,11 @@
 """Compares spiking networks with the ordinary ones on windows of sequences that nothing was trained on.
 
-    python benchmarks/spikes.py --device cuda --jobs 8 --trained DIR
+    python benchmarks/spikes.py --trained DIR
 
-Windows and each sequence's rows are kept in data/derived/spikes, so an interrupted run goes on.  DIR has the
-networks of `tuning/train_spikes.py`; without it only converted networks are compared.  The tables are
-outcomes.csv, operations.csv and time.csv in data/results/spikes.  Two processor cores need hours, a graphics
-card and 8 processes some minutes.
+DIR has the networks of `tuning/train_spikes.py`; without it only converted networks are compared.  Networks
+see the crop around the port that a track would give them; operations and time are of whole images.  Windows
+and each sequence's rows are kept in data/derived/spikes, so an interrupted run goes on.  The tables are
+outcomes.csv, operations.csv and time.csv in data/results/spikes.  One processor core needs half an hour.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 import torch
 
+from lmmap.files import tune_allocator
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.weights import FILTERS, load_card, weight_path
 from lmmap.types import Camera, Port
@@ -30,8 +31,8 @@ from lmmap_lab.provenance import DERIVED_DATA, ROOT, fingerprint, save_table, so
 from lmmap_lab.studies import spikes
 from lmmap_lab.training.slices import make_windows
 
-FIRST, COUNT, EACH = 50_000, 150, 2  # the first sequence's number, how many, and windows of each
-COUNTED_EVERY, TIMED = 5, 5  # sequences whose operations are counted, and windows that are timed
+FIRST, COUNT, EACH = 50_000, 120, 2  # the first sequence's number, how many, and windows of each
+COUNTED_EVERY, TIMED = 12, 3  # sequences whose operations are counted, and windows that are timed
 FOLDER = DERIVED_DATA / "spikes"
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
 
@@ -45,12 +46,13 @@ def windows(name: str) -> list[tuple[spikes.Window, float]]:
     arrays = [np.load(FOLDER / "windows" / name / f"{k}.npy") for k in ("event", "event_t_us")]
 
     def truth_at(t_us):
-        return sequence_motion(sequence(name), np.atleast_1d(t_us) * 1e-6)[0]
+        return sequence_motion(sequence(name), 1e-6 * t_us)
 
     found = []
     for pixels, t_us in zip(*arrays, strict=True):
-        if in_view(truth_at((t_us[0] + t_us[-1]) // 2), PORT, CAMERA):
-            moved_m = truth_at(t_us[-1]).position_m - truth_at(t_us[0]).position_m
+        first, middle, last = truth_at(np.array([t_us[0], (t_us[0] + t_us[-1]) // 2, t_us[-1]]))
+        if in_view(middle, PORT, CAMERA):
+            moved_m = last.position_m - first.position_m
             speed_mm_s = 1e3 * np.linalg.norm(moved_m) / (1e-6 * (t_us[-1] - t_us[0]))
             found.append((spikes.Window(pixels, t_us, truth_at), float(speed_mm_s)))
     return found
@@ -61,6 +63,7 @@ def networks(device: str, trained: Path | None) -> dict[tuple[str, int], list]:
     """Pairs of ring and marker networks by name and T."""
     torch.backends.cudnn.allow_tf32 = False
     torch.set_num_threads(1)
+    tune_allocator()
     pairs = {("ordinary", 1): [spikes.ordinary_net(name) for name in FILTERS]}
     for kind in spikes.KINDS:
         for slices in spikes.SLICES:
@@ -71,13 +74,14 @@ def networks(device: str, trained: Path | None) -> dict[tuple[str, int], list]:
             pairs[f"trained, {kind}", slices] = [
                 spikes.spiking_net(n, kind, slices, path) for n, path in both
             ]
-    return {key: [net.to(device) for net in nets] for key, nets in pairs.items()}
+    channels_last = {"memory_format": torch.channels_last}
+    return {key: [net.to(device, **channels_last) for net in nets] for key, nets in pairs.items()}
 
 
 def masks(network: str, nets: list, window: spikes.Window):
     """`spikes.Seen` of a window by one pair of networks."""
     of = spikes.ordinary_masks if network == "ordinary" else spikes.spiking_masks
-    return of(network, nets, window, CAMERA)
+    return of(network, nets, window, spikes.crop_around(window, CAMERA, PORT), CAMERA)
 
 
 def judge(name: str, mark: str, device: str, trained: Path | None) -> pd.DataFrame:
@@ -88,9 +92,10 @@ def judge(name: str, mark: str, device: str, trained: Path | None) -> pd.DataFra
     rows = []
     for number, (window, speed_mm_s) in enumerate(windows(name)):
         facts = {"sequence": name, "light": sequence(name).light, "window": number, "speed_mm_s": speed_mm_s}
+        truths = spikes.truths(window, CAMERA, PORT)
         for (network, _), nets in networks(device, trained).items():
-            seen = masks(network, nets, window)
-            rows += [facts | spikes.judged(answer, window, CAMERA, PORT) for answer in seen]
+            rows += [facts | spikes.judged(seen, truths[seen.events], window, CAMERA, PORT)
+                     for seen in masks(network, nets, window)]  # fmt: skip
     if rows:
         path.parent.mkdir(parents=True, exist_ok=True)
         pd.DataFrame(rows).to_csv(path, index=False)
@@ -155,7 +160,16 @@ def main() -> None:
         say(f"{len(parts)} of {len(names)} sequences judged")
     rows = pd.concat(parts, ignore_index=True)
     counts = rows.drop_duplicates(["sequence", "window"]).light.value_counts().to_dict()
-    facts = {"networks": hashes, "device": asked.device, "first_sequence": FIRST, "sequences": asked.count}
+    trainings = {path.stem: load_card(path) for path in files}
+    trainings = {name: {k: card["recipe"][k] for k in ("steps", "batch", "rate")} | {"commit": card["commit"]}
+                 for name, card in trainings.items()}  # fmt: skip
+    facts = {
+        "networks": hashes,
+        "trainings": trainings,
+        "device": asked.device,
+        "first_sequence": FIRST,
+        "sequences": asked.count,
+    }
     of_all = facts | {"windows": counts, "draws": spikes.DRAWS, "windows_of_a_sequence": EACH}
     save_table(spikes.RESULTS / "outcomes.csv", outcomes(rows), **of_all)
     counted = names[::COUNTED_EVERY]

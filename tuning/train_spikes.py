@@ -47,7 +47,9 @@ def balance(folder: Path, jobs: int) -> None:
     for name in FILTERS:
         samples = SliceSamples(BALANCED, name, "event", folder, 1)
         images = (encode_slices(samples.image(i)[None]) for i in range(0, len(samples), WINDOWS))
-        ceilings[name] = [np.round(layer, 5).tolist() for layer in ceilings_of(ordinary_net(name), images)]
+        ceilings[name] = [
+            np.round(layer.astype(float), 5).tolist() for layer in ceilings_of(ordinary_net(name), images)
+        ]
         say(f"{name}: balanced")
     save_json(RESULTS / "ceilings.json", ceilings, sequences=BALANCED)
 

@@ -17,7 +17,7 @@ import torch
 from safetensors.torch import load_file
 
 from lmmap.evaluation.error_table import METRICS, error_values, is_wrong
-from lmmap.pipeline.crops import mask_within
+from lmmap.pipeline.crops import crop_bounds, mask_within
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import markers_box_px
 from lmmap.pipeline.network import SATURATION, FilterNet
@@ -27,6 +27,7 @@ from lmmap.settings import OURS, PAPER
 from lmmap.types import Camera, Port, Pose
 
 from ..bench import labels
+from ..bench.renderer import ray_grid
 from ..provenance import DATA, load_json
 from ..training.mask_quality import iou
 from ..training.spiking import SpikingNet, activations, padded, sliced
@@ -35,10 +36,9 @@ from . import bootstrap
 RESULTS = DATA / "results" / "spikes"
 CEILINGS = RESULTS / "ceilings.json"  # by tuning/train_spikes.py
 GAP = "low"  # of the networks that are converted
-SLICES = (4, 7, 14, 28, 56)  # T
+SLICES = (4, 7, 14, 28)  # T
 EVENTS = tuple(range(5000, PAPER.events_per_window + 1, 5000))  # seen so far
-WATCHED = 28  # slices of the windows that are looked at after each of `EVENTS`
-TRAINED_SLICES = 7
+TRAINED_SLICES, WATCHED = 7, 28  # with so many, signed networks are asked after each of `EVENTS`
 KINDS = {"plain": False, "signed": True}
 ONE_LOOK = replace(OURS, turned_look=False)  # masks are made beforehand, of the window as it is
 ADDITION_PJ, MULTIPLY_PJ = 0.9, 3.7  # of 32-bit floats in 45 nm, Horowitz 2014
@@ -47,11 +47,18 @@ DRAWS = 2000
 
 
 class Window(NamedTuple):
-    """N events of a held-out sequence: pixel numbers and times (N,), and the true pose by time."""
+    """N events of a held-out sequence: pixel numbers and times (N,), and the true poses at times (K,)."""
 
     pixels: np.ndarray
     t_us: np.ndarray
-    truth_at: Callable[[int], Pose]
+    truth_at: Callable[[np.ndarray], Pose]
+
+
+class Crop(NamedTuple):
+    """Rows and columns of an image: those that networks get, and the box in which their masks are right."""
+
+    given: tuple[slice, slice]
+    box: tuple[slice, slice]
 
 
 class Seen(NamedTuple):
@@ -61,6 +68,14 @@ class Seen(NamedTuple):
     slices: int
     events: int
     masks: tuple[np.ndarray, np.ndarray]
+
+
+def crop_around(window: Window, camera: Camera, port: Port) -> Crop:
+    """Where a track would look: around the port, as it is at the first event and at the last one."""
+    low_px, high_px = markers_box_px(window.truth_at(window.t_us[[0, -1]]), port, camera)
+    first, last = np.floor(low_px).clip(0).astype(int), np.ceil(high_px).astype(int)
+    box = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
+    return Crop(crop_bounds(low_px, high_px, camera.size_px), box)
 
 
 def ordinary_net(name: str) -> FilterNet:
@@ -76,42 +91,55 @@ def spiking_net(name: str, kind: str, slices: int, trained: Path | None = None) 
     return net.eval().requires_grad_(False)
 
 
-def input_of(net: torch.nn.Module, window: Window, camera: Camera, slices: int) -> torch.Tensor:
-    """Slices (T, 1, H, W) of a window, where the network is."""
-    x = torch.from_numpy(sliced(window.pixels, camera.size_px[::-1], slices))[:, None]
-    return x.to(next(net.parameters()).device)
+def input_of(
+    net: torch.nn.Module, window: Window, camera: Camera, slices: int, crop: Crop | None = None
+) -> torch.Tensor:
+    """Slices (T, 1, h, w) of a window or of a crop of it, where the network is."""
+    given = crop.given if crop else np.s_[:, :]
+    x = sliced(window.pixels, camera.size_px[::-1], slices)[:, None, *given]
+    return torch.from_numpy(np.ascontiguousarray(x)).to(next(net.parameters()).device)
 
 
-def mask_of(logits: torch.Tensor) -> np.ndarray:
-    """The mask (H, W) f32 of logits (1, 1, H, W)."""
-    return torch.sigmoid(logits[0, 0].double()).float().cpu().numpy()
+def mask_of(logits: torch.Tensor, crop: Crop, camera: Camera) -> np.ndarray:
+    """The mask (H, W) f32 of a crop's logits (1, 1, h, w): zero beyond the box."""
+    whole = np.zeros(camera.size_px[::-1], np.float32)
+    whole[crop.given] = torch.sigmoid(logits[0, 0].double()).float().cpu().numpy()
+    mask = np.zeros_like(whole)
+    mask[crop.box] = whole[crop.box]
+    return mask
 
 
 @torch.inference_mode()
-def ordinary_masks(name: str, nets, window: Window, camera: Camera) -> Iterator[Seen]:
+def ordinary_masks(name: str, nets, window: Window, crop: Crop, camera: Camera) -> Iterator[Seen]:
     """Of the histogram of the first events, for each of `EVENTS`."""
     for events in EVENTS:
-        x = input_of(nets[0], window._replace(pixels=window.pixels[:events]), camera, 1)
-        yield Seen(name, 1, events, tuple(mask_of(net(x)) for net in nets))
+        x = input_of(nets[0], window._replace(pixels=window.pixels[:events]), camera, 1, crop)
+        yield Seen(name, 1, events, tuple(mask_of(net(x), crop, camera) for net in nets))
 
 
 @torch.inference_mode()
-def spiking_masks(name: str, nets, window: Window, camera: Camera) -> Iterator[Seen]:
-    """After the whole window and, with `WATCHED` or `TRAINED_SLICES` slices, after each of `EVENTS`."""
-    slices = nets[0].slices
-    x = input_of(nets[0], window, camera, slices)
+def spiking_masks(name: str, nets, window: Window, crop: Crop, camera: Camera) -> Iterator[Seen]:
+    """After the whole window; signed networks of so many slices also after each of `EVENTS`."""
+    slices, asked = nets[0].slices, nets[0].signed and nets[0].slices in (WATCHED, TRAINED_SLICES)
+    x = input_of(nets[0], window, camera, slices, crop)
     for t, answers in enumerate(zip(*(net.answers(x) for net in nets), strict=True), 1):
         events = t * len(window.pixels) // slices
-        watched = slices in (WATCHED, TRAINED_SLICES) and events in EVENTS
-        if watched or t == slices:
-            yield Seen(name, slices, events, tuple(mask_of(logits) for logits, _ in answers))
+        if (asked and events in EVENTS) or t == slices:
+            yield Seen(name, slices, events, tuple(mask_of(z, crop, camera) for z, _ in answers))
 
 
-def judged(seen: Seen, window: Window, camera: Camera, port: Port) -> dict:
-    """A row: how well masks fit the truth in the middle of the events' span, and what pose they give."""
-    truth = window.truth_at((window.t_us[0] + window.t_us[seen.events - 1]) // 2)
-    true_ring, true_markers = labels.label_masks(truth, port, camera)
-    ring, markers = seen.masks
+def truths(window: Window, camera: Camera, port: Port) -> dict[int, tuple[Pose, np.ndarray]]:
+    """The true pose and masks (2, H, W) in the middle of the first events' span, by each of `EVENTS`."""
+    middles_us = [(window.t_us[0] + window.t_us[events - 1]) // 2 for events in EVENTS]
+    poses, rays = window.truth_at(np.array(middles_us)), ray_grid(camera, 4)
+    return {
+        n: (pose, labels.label_masks(pose, port, camera, rays)) for n, pose in zip(EVENTS, poses, strict=True)
+    }
+
+
+def judged(seen: Seen, truth: tuple[Pose, np.ndarray], window: Window, camera: Camera, port: Port) -> dict:
+    """A row: how well masks fit the true ones (2, H, W), and what pose they give."""
+    (truth, (true_ring, true_markers)), (ring, markers) = truth, seen.masks
     near = mask_within(lambda mask: mask, markers, *markers_box_px(truth[None], port, camera))
     image = np.bincount(window.pixels[: seen.events], minlength=ring.size).reshape(ring.shape)
     networks = (lambda _: ring), (lambda _: markers)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from lmmap.pipeline.network import FilterNet, up_to_one_channel
-from lmmap.types import Camera
+from lmmap.types import Camera, Port, Pose
 from lmmap_lab.studies import spikes
 from lmmap_lab.training.spiking import SpikingNet
 
@@ -88,3 +88,21 @@ def test_events_seen_end_at_the_whole_window_and_slices_fit_them():
     assert spikes.EVENTS[-1] == 35_000
     for count in (spikes.WATCHED, spikes.TRAINED_SLICES):
         assert set(spikes.EVENTS) <= {t * 35_000 // count for t in range(1, count + 1)}
+
+
+@pytest.mark.parametrize("kind", ["ordinary", *spikes.KINDS])
+def test_masks_of_a_crop_are_the_whole_image_s_within_the_box_and_zero_elsewhere(kind, rng):
+    camera, port = Camera.davis346(), Port.lm_map()
+    pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([-0.05, 0.02, 0.9]))
+    seen = window(rng, camera, 35_000)._replace(truth_at=lambda t_us: pose[None])
+    net = spikes.ordinary_net("ring") if kind == "ordinary" else spikes.spiking_net("ring", kind, 2)
+    of = spikes.ordinary_masks if kind == "ordinary" else spikes.spiking_masks
+    crop, whole = spikes.crop_around(seen, camera, port), np.s_[0:260, 0:346]
+    (*_, of_crop), (*_, of_whole) = (
+        of("", [net], seen, each, camera) for each in (crop, crop._replace(given=whole))
+    )
+    assert 0.05 < np.prod([s.stop - s.start for s in crop.given]) / (260 * 346) < 0.5
+    np.testing.assert_allclose(of_crop.masks[0], of_whole.masks[0], atol=1e-4)
+    outside = np.ones((260, 346), bool)
+    outside[crop.box] = False
+    assert (of_crop.masks[0] > 0.01).any() and not of_crop.masks[0][outside].any()
