@@ -32,9 +32,10 @@ from lmmap_lab.studies import spikes
 from lmmap_lab.training.slices import make_windows
 
 FIRST, COUNT, EACH = 50_000, 120, 2  # the first sequence's number, how many, and windows of each
-COUNTED_EVERY, TIMED = 12, 3  # sequences whose operations are counted, and windows that are timed
+COUNTED_EVERY, TIMED = 20, 3  # sequences whose operations are counted, and windows that are timed
 FOLDER = DERIVED_DATA / "spikes"
 CAMERA, PORT = Camera.davis346(), Port.lm_map()
+WHOLE = spikes.Crop(*[(slice(0, CAMERA.height_px), slice(0, CAMERA.width_px))] * 2)
 
 
 def say(line: str) -> None:
@@ -78,10 +79,10 @@ def networks(device: str, trained: Path | None) -> dict[tuple[str, int], list]:
     return {key: [net.to(device, **channels_last) for net in nets] for key, nets in pairs.items()}
 
 
-def masks(network: str, nets: list, window: spikes.Window):
-    """`spikes.Seen` of a window by one pair of networks."""
+def masks(network: str, nets: list, window: spikes.Window, crop: spikes.Crop):
+    """`spikes.Seen` of a crop of a window by one pair of networks."""
     of = spikes.ordinary_masks if network == "ordinary" else spikes.spiking_masks
-    return of(network, nets, window, spikes.crop_around(window, CAMERA, PORT), CAMERA)
+    return of(network, nets, window, crop, CAMERA)
 
 
 def judge(name: str, mark: str, device: str, trained: Path | None) -> pd.DataFrame:
@@ -92,10 +93,10 @@ def judge(name: str, mark: str, device: str, trained: Path | None) -> pd.DataFra
     rows = []
     for number, (window, speed_mm_s) in enumerate(windows(name)):
         facts = {"sequence": name, "light": sequence(name).light, "window": number, "speed_mm_s": speed_mm_s}
-        truths = spikes.truths(window, CAMERA, PORT)
+        truths, crop = spikes.truths(window, CAMERA, PORT), spikes.crop_around(window, CAMERA, PORT)
         for (network, _), nets in networks(device, trained).items():
             rows += [facts | spikes.judged(seen, truths[seen.events], window, CAMERA, PORT)
-                     for seen in masks(network, nets, window)]  # fmt: skip
+                     for seen in masks(network, nets, window, crop)]  # fmt: skip
     if rows:
         path.parent.mkdir(parents=True, exist_ok=True)
         pd.DataFrame(rows).to_csv(path, index=False)
@@ -113,12 +114,12 @@ def operations(names: list[str], device: str, trained: Path | None) -> pd.DataFr
 
 
 def timed(names: list[str]) -> pd.DataFrame:
-    """Milliseconds of one processor core for ring and markers of a window: medians, by network and T."""
+    """Milliseconds of one processor core for ring and markers of a whole image: medians, by network and T."""
     rows = []
     for window, _ in [found for name in names for found in windows(name)][:TIMED]:
         for (network, slices), nets in networks("cpu", None).items():
             began_s = time.thread_time()
-            answers = list(masks(network, nets, window))
+            answers = list(masks(network, nets, window, WHOLE))
             each_ms = 1e3 * (time.thread_time() - began_s) / (len(answers) if network == "ordinary" else 1)
             rows.append((network, slices, each_ms))
     table = pd.DataFrame(rows, columns=["network", "slices", "core_ms"])
