@@ -17,6 +17,8 @@ import torch
 from safetensors.torch import load_file
 
 from lmmap.evaluation.error_table import METRICS, error_values, is_wrong
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
 from lmmap.pipeline.crops import crop_bounds, mask_within
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import markers_box_px
@@ -36,9 +38,10 @@ from . import bootstrap
 RESULTS = DATA / "results" / "spikes"
 CEILINGS = RESULTS / "ceilings.json"  # by tuning/train_spikes.py
 GAP = "low"  # of the networks that are converted
-SLICES = (4, 7, 14, 28)  # T
+SLICES = (4, 7, 28)  # T
 EVENTS = tuple(range(5000, PAPER.events_per_window + 1, 5000))  # seen so far
 TRAINED_SLICES, WATCHED = 7, 28  # with so many, signed networks are asked after each of `EVENTS`
+BORDER_PX = 8.0  # around the ring, of what networks are judged on
 KINDS = {"plain": False, "signed": True}
 ONE_LOOK = replace(OURS, turned_look=False)  # masks are made beforehand, of the window as it is
 ADDITION_PJ, MULTIPLY_PJ = 0.9, 3.7  # of 32-bit floats in 45 nm, Horowitz 2014
@@ -71,8 +74,10 @@ class Seen(NamedTuple):
 
 
 def crop_around(window: Window, camera: Camera, port: Port) -> Crop:
-    """Where a track would look: around the port, as it is at the first event and at the last one."""
-    low_px, high_px = markers_box_px(window.truth_at(window.t_us[[0, -1]]), port, camera)
+    """Where a track would look: around the ring, as it is at the first event and at the last one."""
+    poses, ring = window.truth_at(window.t_us[[0, -1]]), circle_points_m(port.ring_outer_radius_m)
+    seen = project(poses[:, None] @ ring, camera).reshape(-1, 2)
+    low_px, high_px = seen.min(0) - BORDER_PX, seen.max(0) + BORDER_PX
     first, last = np.floor(low_px).clip(0).astype(int), np.ceil(high_px).astype(int)
     box = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
     return Crop(crop_bounds(low_px, high_px, camera.size_px), box)
