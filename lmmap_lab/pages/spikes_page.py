@@ -119,8 +119,9 @@ def outcome_table(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def facts(outcomes: pd.DataFrame) -> dict[str, float]:
-    """The numbers of the chapter's text; right and wrong are percentages of the windows."""
+def facts(outcomes: pd.DataFrame, made_by: dict) -> dict[str, float]:
+    """The numbers of the chapter's text; right and wrong are percentages of the windows.  ``made_by`` is the
+    provenance of the outcomes."""
     every = outcomes[outcomes.group == "all"].set_index(["network", "slices", "events"]).sort_index()
     whole, half, most = spikes.EVENTS[-1], spikes.EVENTS[1], spikes.SLICES[-1]
     rows = {
@@ -138,7 +139,8 @@ def facts(outcomes: pd.DataFrame) -> dict[str, float]:
     named = {f"{n}_{word}": float(row[m]) for n, row in known.items() for word, m in measures.items()}
     counts = {"windows": int(known["ordinary"].windows), "sequences": int(known["ordinary"].sequences)}
     slices = {"most": most, "watched": spikes.WATCHED, "few": spikes.TRAINED_SLICES, "half": f"{half:,}"}
-    return counts | slices | named
+    training = {fact: made_by["trainings"]["ring-signed"][fact] for fact in ("steps", "batch")}
+    return counts | slices | named | training
 
 
 def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
