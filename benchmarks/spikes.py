@@ -29,6 +29,7 @@ from lmmap.types import Camera, Port
 from lmmap_lab.bench.laboratory import sequence, sequence_motion
 from lmmap_lab.provenance import DERIVED_DATA, ROOT, fingerprint, save_table, source_files
 from lmmap_lab.studies import spikes
+from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.training.slices import make_windows
 
 FIRST, COUNT, EACH = 50_000, 120, 2  # the first sequence's number, how many, and windows of each
@@ -132,10 +133,16 @@ def outcomes(rows: pd.DataFrame) -> pd.DataFrame:
     cuts = speeds_mm_s.quantile([0, 1 / 3, 2 / 3, 1]).to_numpy()
     third = np.clip(np.searchsorted(cuts, rows.speed_mm_s, side="right") - 1, 0, 2)
     words = [f"{low:.0f} to {high:.0f} mm/s" for low, high in pairwise(cuts)]
-    groups = {"all": "all", "light": rows.light, "speed": np.array(words)[third]}
-    by = ["group", "of", "network", "slices", "events"]
-    slow_first = [rows.assign(group=group, of=of).sort_values("speed_mm_s") for group, of in groups.items()]
-    tables = [spikes.with_intervals(table, by) for table in slow_first]
+    groups = {
+        "all": ("all", ["all"]),
+        "light": (rows.light, LIGHTS),
+        "speed": (np.array(words)[third], words),
+    }
+    by, tables = ["group", "of", "network", "slices", "events"], []
+    for group, (of, order) in groups.items():
+        table = rows.assign(group=group, of=of)
+        table = table.sort_values("of", kind="stable", key=lambda of, order=order: of.map(order.index))
+        tables.append(spikes.with_intervals(table, by))
     return pd.concat(tables, ignore_index=True)
 
 
