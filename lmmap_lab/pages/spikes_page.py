@@ -144,13 +144,14 @@ def facts(outcomes: pd.DataFrame, made_by: dict) -> dict[str, float]:
 
 
 def cost_facts(costs: pd.DataFrame) -> dict[str, float]:
-    """How many times less energy few signed slices take than an ordinary network, how many times more most of
-    them take than what such a network needs, and how many times longer a slice takes than its whole image."""
+    """How many times less energy few signed slices take than an ordinary network and than it needs, how many
+    times more most of them take than that, and how many times longer a slice takes than its whole image."""
     rows = costs.set_index(["network", "slices"])
     ordinary, signed = rows.loc["ordinary", 1], rows.loc["converted, signed"]
     slower = signed.core_ms / signed.index / ordinary.core_ms
     return {
         "saved": float(ordinary.millijoule / signed.millijoule[spikes.TRAINED_SLICES]),
+        "saved_needed": float(ordinary.millijoule_needed / signed.millijoule[spikes.TRAINED_SLICES]),
         "most_times": float(signed.millijoule[spikes.SLICES[-1]] / ordinary.millijoule_needed),
         "slower": float(slower.mean()),
     }
