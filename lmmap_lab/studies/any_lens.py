@@ -2,7 +2,8 @@
 
 The networks know how wide the ring's stroke is in pixels, which a picture from somewhere shows at any width.
 Each look resamples the whole picture as if it came through another lens.  The look with the most confident
-pose counts, or without any the one in whose mask the ellipse stands out most.  Its distance is as wrong as the assumed focal length; the ellipse is not.
+pose counts, or without any the one in whose mask the ellipse stands out most.  Its distance is as wrong as
+the assumed focal length; the ellipse is not.
 """
 
 from __future__ import annotations
