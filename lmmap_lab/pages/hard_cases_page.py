@@ -96,17 +96,6 @@ def draw_fused(cells: pd.DataFrame):
     return fig
 
 
-def crossing(x, y, level: float) -> float:
-    """Where a curve through ``x, y`` (N,), ``x`` rising, first falls to a level; NaN if it never does."""
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    below = np.flatnonzero(y <= level)
-    if not len(below) or below[0] == 0:
-        return np.nan
-    k = below[0]
-    share = (y[k - 1] - level) / (y[k - 1] - y[k])
-    return float(x[k - 1] + share * (x[k] - x[k - 1]))
-
-
 def draw_noise(ax, bench: pd.DataFrame, paper_percent: float) -> None:
     """Success in slow motion against the noise of a pixel, our sensor and the paper's success as lines."""
     for column, mark, label in (("ellipse_percent", "o", "ellipse"), ("right_percent", "s", "right pose")):

@@ -11,7 +11,7 @@ from lmmap.evaluation import error_table
 from lmmap.settings import MODALITIES, OURS
 
 from ..training.mask_quality import medians
-from . import error_statistics, ladder, reliability, table1
+from . import error_statistics, ladder, reliability, table1, tolerances
 from .right_and_wrong import by_limit, right_and_wrong
 from .table1 import DOMAIN_GAPS, TRACKS
 
@@ -114,17 +114,17 @@ def _error_tables(folder: Path, names: list[str], light: str, gap: str, draws: i
         for name, parts in by_modality.items()
     }
     tables["fusion"] = error_statistics.against_better(errors, draws, SEED)
-    tables["ladder"] = pd.concat(_ladder(folder, names, m, gap, errors, draws) for m in MODALITIES)
+    measured = {
+        m: [pd.read_csv(folder / f"ladder-{label(name, m, gap)}.csv") for name in names] for m in MODALITIES
+    }
+    tracked = {m: {"confident": errors[m], "fused": errors["fused"]} for m in MODALITIES}
+    tables["ladder"] = pd.concat(
+        ladder.summary(measured[m], *tracked[m].values(), draws, SEED).assign(modality=m) for m in MODALITIES
+    )
+    tables["tolerances"] = pd.concat(
+        tolerances.table(measured[m], tracked[m]).assign(modality=m) for m in MODALITIES
+    )
     return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
-
-
-def _ladder(
-    folder: Path, names: list[str], modality: str, gap: str, errors: dict, draws: int
-) -> pd.DataFrame:
-    """Every rung's cells of one modality."""
-    measured = [pd.read_csv(folder / f"ladder-{label(name, modality, gap)}.csv") for name in names]
-    cells = ladder.summary(measured, errors[modality], errors["fused"], draws, SEED)
-    return cells.assign(modality=modality)
 
 
 def _by_sequence(names: list[str], errors: list[pd.DataFrame]) -> pd.DataFrame:
