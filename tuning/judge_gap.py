@@ -46,6 +46,7 @@ SEQUENCES = {place: {name: light for light in LIGHTS for name in of_light(light,
 SECONDS = 2.0
 SETTINGS = replace(OURS, turned_look=False, min_confidence=PerCamera(0.0, 0.0))
 FOLDER = DERIVED_DATA / "gap"
+COLUMNS = ["place", "light", "sequence", "modality", "set", "seed", "t_us", *domain_gap.MEASURES]
 
 
 def recorded(place: str, name: str) -> Recording:
@@ -63,7 +64,7 @@ def is_right(candidates: Pose, truth: Pose) -> bool:
     return bool((near & (normal_error_rad(candidates, truth) < OURS.right_normal_rad)).any())
 
 
-def judge(image, truth: Pose, true_ring, modality: str, ring, reflectors) -> dict:
+def judge(image, truth: Pose, true_ring, modality: str, ring, reflectors) -> tuple:
     """`domain_gap.MEASURES` of an image by a ring's and a markers' network."""
     mask = ring(image)
     estimate = Estimator(CAMERA, PORT, modality, (lambda _: mask, reflectors), SETTINGS).on_grid(image)
@@ -71,7 +72,7 @@ def judge(image, truth: Pose, true_ring, modality: str, ring, reflectors) -> dic
     found = ellipse is not None and is_right(circle.poses(ellipse, CAMERA, PORT.ring_radius_m), truth)
     good = T is not None and right(T, truth, PORT)
     overlap = iou(binarise(mask, OURS.mask_threshold), true_ring)
-    return dict(zip(domain_gap.MEASURES, (overlap, found, good, T is not None and not good), strict=True))
+    return overlap, found, good, T is not None and not good
 
 
 def of_sequence(place: str, name: str, light: str, networks: dict) -> pd.DataFrame:
@@ -86,11 +87,11 @@ def of_sequence(place: str, name: str, light: str, networks: dict) -> pd.DataFra
             for (m, gap, seed), pair in networks.items():
                 if m == modality:
                     of_image = judge(image, truth, true_ring, modality, *pair)
-                    rows.append({"place": place, "light": light, "sequence": name, "modality": modality,
-                                 "set": gap, "seed": seed, "t_us": t_us, **of_image})  # fmt: skip
+                    rows.append([place, light, name, modality, gap, seed, t_us, *of_image])
     FOLDER.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(rows).to_csv(kept, index=False)
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    table.to_csv(kept, index=False)
+    return table
 
 
 def main() -> None:

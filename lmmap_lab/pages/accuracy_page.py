@@ -164,11 +164,13 @@ def sequence_table(table: pd.DataFrame):
 
 
 def claims_table(claims: pd.DataFrame):
-    """`claims.claims`, styled: each rule in small letters under its claim, numbers under each verdict; the
-    verdict that decides stands in bold letters."""
+    """`claims.claims`, styled: in small print under each claim what its numbers are and the rule, and under
+    each verdict its numbers; the verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
+    numbers = claims.numbers.where(claims.numbers == "", "Numbers: " + claims.numbers + ". ")
     columns = {
-        "claim": plain_claims(claims.claim) + "<br><small>" + reasons + "</small>",
+        "": claims.part,
+        "the paper's words": claims.claim + "<br><small>" + numbers + "Holds if: " + reasons + "</small>",
         "paper": claims.paper,
     }
     for estimator, name in ESTIMATORS.items():
@@ -177,8 +179,3 @@ def claims_table(claims: pd.DataFrame):
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
     return sentence_table(pd.DataFrame(columns))
-
-
-def plain_claims(claims: pd.Series) -> pd.Series:
-    """Claims as sentences; the results' files write ``a | b`` and ``a; b`` for lists."""
-    return claims.str.replace(" | ", " and ").str.replace("; ", ", ")

@@ -8,6 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.settings import OURS
+
 from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA
 from .drawings import COLOUR, draw_intervals
@@ -94,6 +96,25 @@ def draw_fused(cells: pd.DataFrame):
     axes[0].set_ylabel("median error")
     axes[-1].legend(fontsize=8)
     return fig
+
+
+def slow_shares(counts: pd.DataFrame, bench: pd.DataFrame) -> pd.DataFrame:
+    """Slow motion's histograms by set of networks: with an ellipse, a pose, a right and a wrong one, percent.
+
+    Parameters
+    ----------
+    counts : the study's ``images, ellipses, poses`` by ``sequence`` and ``modality``, of the low-gap networks
+    bench : rows of the study `noise`, of the default networks
+    """
+    low = counts[(counts.sequence == "hard-slow") & (counts.modality == "event")].iloc[0]
+    own = bench[bench.shot_hz == SensorSettings().shot_hz].iloc[0]
+    rows = {
+        "low gap": [low.images, *(100 * low[["ellipses", "poses"]] / low.images), np.nan, np.nan],
+        f"default ({OURS.weights})": [own.images, own.ellipse_percent, 100 - own.none_percent,
+                                      own.right_percent, own.wrong_percent],
+    }  # fmt: skip
+    columns = ["histograms", "an ellipse (%)", "a pose (%)", "a right pose (%)", "a wrong pose (%)"]
+    return pd.DataFrame(rows, index=columns).T.astype({"histograms": int})
 
 
 def draw_noise(ax, bench: pd.DataFrame, paper_percent: float) -> None:

@@ -20,8 +20,7 @@ from ..provenance import DATA
 from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import filters_page
-from .drawings import COLOUR
-from .tables import CAMERAS, LIGHTS
+from .tables import CAMERAS
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
 LENSES = {  # for the range of distances
@@ -71,7 +70,8 @@ def tests(domain_gap: str) -> pd.DataFrame:
     chosen = table[(table.weights == domain_gap) & (table.estimator != "every pose")]
     chosen = chosen[chosen.set.str.endswith(("held out", "judged once"))]
     return pd.DataFrame({
-        "place": chosen.set.str.removesuffix(", held out"), "camera": chosen.modality.map(CAMERAS),
+        "place": chosen.set.str.removesuffix(", held out").str.replace("other laboratory", "second scene"),
+        "camera": chosen.modality.map(CAMERAS),
         "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
         "no pose (%)": chosen.none_percent, "images": chosen.images,
     })  # fmt: skip
@@ -83,38 +83,6 @@ def hardest(domain_gap: str) -> tuple[str, float]:
     row = table.loc[table["no pose (%)"].idxmax()]
     place = row.place.removesuffix(", judged once")
     return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
-
-
-def equal_training() -> pd.DataFrame:
-    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
-    seeds, and in brackets the least and the most."""
-    table = pd.read_csv(DATA / "results" / "equal-training.csv")
-    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
-    columns = {}
-    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
-        digits = 2 if name == "iou" else 0
-        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
-        wide = texts.unstack("domain_gap")
-        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
-    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
-    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
-
-
-def draw_equal_training(table: pd.DataFrame):
-    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
-    the high gap's, a dot for each seed."""
-    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
-    for ax, modality in zip(axes, CHANNELS, strict=True):
-        for shift, gap in ((-0.12, "low"), (0.12, "high")):
-            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
-            at = cells.light.map(list(LIGHTS).index) + shift
-            face = COLOUR[modality] if gap == "low" else "none"
-            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
-                       label=f"{gap} gap")  # fmt: skip
-        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
-        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
-        ax.legend(loc="lower left")
-    return fig
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:

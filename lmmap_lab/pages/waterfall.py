@@ -61,7 +61,7 @@ def draw_tolerances(table: pd.DataFrame):
     ax.axvline(np.rad2deg(OURS.right_normal_rad), color=COLOUR["ink"], lw=0.8)
     ax.set(xlabel="limit of the normal (°)", ylabel="wrong poses (%)", ylim=(FLOOR, 130))
     ax.set_yticks((0.01, 0.1, 1, 10, 100), ("0.01", "0.1", "1", "10", "100"))
-    ax.legend(fontsize=7, ncols=2, loc="upper right", bbox_to_anchor=(1, 0.95))
+    fig.legend(fontsize=7, ncols=4, loc="outside lower center")
     return fig
 
 

@@ -93,7 +93,7 @@ def _add_differences(values: dict) -> None:
 
 
 def _row(light: str, modality: str, quantity: str, by_seed: np.ndarray, drawn: np.ndarray) -> dict:
-    low, high = interval(drawn.ravel())
+    low, high = interval(np.clip(drawn.ravel(), -1.0 if quantity in DIFFERENCES else 0.0, 1.0))
     return {"light": light, "modality": modality, "quantity": quantity, "value": by_seed.mean(), "low": low,
             "high": high, **{f"seed_{k}": value for k, value in enumerate(by_seed)}}  # fmt: skip
 
