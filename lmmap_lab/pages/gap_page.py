@@ -81,7 +81,7 @@ def draw_costs(table: pd.DataFrame, place: str = "film"):
         ax.set_xticks(range(len(lights)), lights)
         ax.set(title=title, xlabel="light")
     axes[0].set_ylabel("low gap minus high gap")
-    axes[0].legend(fontsize=8)
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig
 
 
@@ -102,7 +102,7 @@ def draw_sets(table: pd.DataFrame, place: str):
                            CAMERAS[m])  # fmt: skip
         ax.set_xticks(range(len(DOMAIN_GAPS)), DOMAIN_GAPS)
         ax.set(title=title, xlabel="set of networks", ylim=(0, None))
-    axes[0].legend(fontsize=8)
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig
 
 
