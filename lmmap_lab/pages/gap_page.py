@@ -130,7 +130,7 @@ def lights_in_words(table: pd.DataFrame, place: str, measure: str) -> str:
     cells = {light: domain_gap.cell(table, place, measure, light, domain_gap.EITHER, "cost of the gap")
              for light in LIGHTS}  # fmt: skip
     kinds = {
-        "they lose less than frames in {} light": [k for k, c in cells.items() if c["low"] > 0],
+        "events lose less than frames in {} light": [k for k, c in cells.items() if c["low"] > 0],
         "they lose more in {} light": [k for k, c in cells.items() if c["high"] < 0],
         "in {} light the difference may be chance": [
             k for k, c in cells.items() if c["low"] <= 0 <= c["high"]

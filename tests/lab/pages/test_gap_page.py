@@ -60,7 +60,7 @@ def test_the_table_of_costs_says_who_loses_less(costs):
     table = gap_page.cost_table(costs)
     assert table.loc[("overlap of the masks (IoU)", "mean"), "frames less events"] == "0.10 (0.10 to 0.10)"
     assert table.loc[("right rings (%)", "low"), "frames"] == "20 (20 to 20)"
-    words = "they lose less than frames in low and medium and high light"
+    words = "events lose less than frames in low and medium and high light"
     assert gap_page.lights_in_words(costs, "film", "mask_overlap") == words
     (sets,) = gap_page.draw_sets(costs, "film").axes[0].containers[0].lines[:1]
     np.testing.assert_allclose(sets.get_ydata().astype(float), [0.7, 0.9, 0.9])
