@@ -4,7 +4,7 @@
 
 FOLDER holds what ``train_widths.py`` writes.  The images are those of `wrong_poses` on its tuning sequences;
 poses are counted in high light, with the settings of the *robust* filters.  Times are of one image of a
-DAVIS 346 on two cores, filters alternating, and the multiply-accumulates are counted at its size.  The table
+DAVIS 346 on one core, filters alternating, and the multiply-accumulates are counted at its size.  The table
 is data/results/widths.csv.
 """
 
@@ -95,6 +95,7 @@ def cost(net: FilterNet, channels: int) -> dict:
 
 def milliseconds(patterns: dict[str, str], modality: str) -> dict[str, float]:
     """Median time of the ring's filter on one image, all of them in turn."""
+    torch.set_num_threads(1)
     size_px, rng = wrong_poses.CAMERA.size_px[::-1], np.random.default_rng(0)
     image = rng.integers(0, 9, (*size_px, 3) if modality == "rgb" else size_px).astype(np.uint8)
     networks = {k: load_network(p.format("ring", modality), modality) for k, p in patterns.items()}

@@ -111,7 +111,7 @@ def assumptions_table(effects: pd.DataFrame):
 
 
 def default_table(table: pd.DataFrame):
-    """`accuracy_tables.default_networks` of the images with the ring in view in words, styled."""
+    """`accuracy_tables.of_networks` of the images with the ring in view in words, styled."""
     columns = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "none_percent": "no pose (%)",
                "position_error_m": "position (mm)", "normal_error_deg": "normal (°)",
                "inside_95_percent": "in the 95 % region (%)"}  # fmt: skip

@@ -44,17 +44,18 @@ def tables(
     counts = pd.concat(pd.read_csv(folder / f"counts-{name}.csv") for name in names)
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
-        "default": default_networks(folder, tests, counts[counts.weights == OURS.weights], draws),
+        "default": of_networks(folder, tests, counts, OURS.weights, draws),
+        "light": of_networks(folder, tests, counts, "light", draws),
         **_default_confidence(folder, tests),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
 
 
-def default_networks(
-    folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame, draws: int = DRAWS
+def of_networks(
+    folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame, weights: str, draws: int = DRAWS
 ) -> pd.DataFrame:
-    """What the default networks do: a row for each track in each light, and on images without a port.
+    """What a set of networks does: a row for each track in each light, and on images without a port.
 
     Returns
     -------
@@ -65,12 +66,13 @@ def default_networks(
     """
     rows = []
     for (light, names), track in product(tests.items(), TRACKS):
-        errors = _errors(folder, names, track, OURS.weights)
+        errors = _errors(folder, names, track, weights)
         answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
         medians = pd.concat(errors)[list(error_table.METRICS)].median()
         inside = error_statistics.coverage(errors, draws, SEED)["inside_95_percent"]
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
-    empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
+    empty = counts[counts.sequence.str.startswith("empty") & (counts.weights == weights)]
+    empty = empty.groupby("modality")[["images", "poses"]].sum()
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 
 
