@@ -11,6 +11,7 @@ and what that of a perfect one would be.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -18,13 +19,13 @@ import pandas as pd
 import wrong_poses
 from judge_widths import interval
 
-from lmmap.settings import OURS
+from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
 
 JUDGED = ("light", OURS.weights)
-CELLS = [(place, m, w) for place in wrong_poses.SETS for m in ("rgb", "event") for w in JUDGED]
+CELLS = [(place, m, w) for place in wrong_poses.SETS for m in MODALITIES for w in JUDGED]
 GROUPS = {"tuning": [place for place in wrong_poses.SETS if place.endswith("tuning")],
           **{place: [place] for place in wrong_poses.SETS}}  # fmt: skip
 
@@ -36,11 +37,19 @@ def more_right(images: pd.DataFrame, others: pd.DataFrame) -> dict:
     of_sequence = pd.Series(gain - gain.mean()).groupby(images.sequence.to_numpy()).sum()
     half = 1.96 * np.sqrt((of_sequence**2).sum()) / len(gain)
     values = gain.mean(), gain.mean() - half, gain.mean() + half
-    return dict(zip(("more_right_percent", "more_low", "more_high"), 100 * np.array(values), strict=True))
+    names = (f"more_right_{end}" for end in ("percent", "low", "high"))
+    return dict(zip(names, 100 * np.array(values), strict=True))
 
 
-def summary(images: pd.DataFrame) -> dict:
-    """Shares of right, wrong and missing poses of `wrong_poses.outcomes`, with their intervals."""
+def reported(found: pd.DataFrame) -> pd.DataFrame:
+    """Rows of every pose found, as they are where those below the limit of confidence are not reported."""
+    least = found.modality.map({m: OURS.min_confidence[m] for m in MODALITIES})
+    sure = found.confidence >= least
+    return found.assign(right=found.right & sure, wrong=found.wrong & sure, none=found.none | ~sure)
+
+
+def shares(images: pd.DataFrame) -> dict:
+    """Shares of right, wrong and missing poses, with their intervals."""
     row = {"images": len(images)}
     for what in ("right", "wrong", "none"):
         row[f"{what}_percent"] = 100 * images[what].mean()
@@ -48,34 +57,31 @@ def summary(images: pd.DataFrame) -> dict:
     return row
 
 
-def confidence_error(every: pd.DataFrame) -> dict:
+def confidence_error(found: pd.DataFrame) -> dict:
     """Expected calibration error over all poses, reported or not, and that of a perfect confidence."""
-    posed = every[~every.none]
+    posed = found[~found.none]
     table = reliability(posed.confidence.to_numpy(float), posed.right.to_numpy(bool))
     return {"calibration_error": calibration_error(table), "by_chance_95": error_by_chance(table)[1]}
 
 
+def rows_of(found: pd.DataFrame) -> Iterator[dict]:
+    """Of all poses found in some sequences: a row for each camera, light and set of networks."""
+    every = pd.concat([found, found.assign(light="all")])
+    for (modality, light), images in every.groupby(["modality", "light"], sort=False):
+        default = reported(images[images.weights == OURS.weights])
+        for weights, own in images.groupby("weights"):
+            row = {"modality": modality, "light": light, "weights": weights, **shares(reported(own))}
+            if weights != OURS.weights:
+                row |= more_right(reported(own), default)
+            yield row | (confidence_error(own) if light == "all" else {})
+
+
 def main() -> None:
     wrong_poses.make(CELLS)
-    found = pd.concat(wrong_poses.of_cells(partial(wrong_poses.outcomes, wrong_poses.ESTIMATORS), CELLS))
-    rows = []
-    for place, places in GROUPS.items():
-        of_place = found[found.set.isin(places)]
-        for (modality, light), images in [
-            *of_place.groupby(["modality", "light"], sort=False),
-            *(((m, "all"), t) for m, t in of_place.groupby("modality", sort=False)),
-        ]:
-            reported = images[images.estimator == "confident poses"]
-            default = reported[reported.weights == OURS.weights]
-            for weights, own in reported.groupby("weights"):
-                row = {"set": place, "modality": modality, "weights": weights, "light": light, **summary(own)}
-                if weights != OURS.weights:
-                    row |= more_right(own, default)
-                if light == "all":
-                    of_set = images[(images.estimator == "every pose") & (images.weights == weights)]
-                    row |= confidence_error(of_set)
-                rows.append(row)
-    table = pd.DataFrame(rows)
+    outcomes = partial(wrong_poses.outcomes, {"every pose": wrong_poses.EVERY_POSE})
+    found = pd.concat(wrong_poses.of_cells(outcomes, CELLS), ignore_index=True)
+    table = pd.DataFrame([{"set": name, **row} for name, places in GROUPS.items()
+                          for row in rows_of(found[found.set.isin(places)])])  # fmt: skip
     print(table.round(2).to_string())
     save_table(DATA / "results" / "light.csv", table, networks={w: set_hashes(w) for w in JUDGED})
 

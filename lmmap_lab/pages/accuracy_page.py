@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -112,13 +112,24 @@ def assumptions_table(effects: pd.DataFrame):
 
 def default_table(table: pd.DataFrame):
     """`accuracy_tables.of_networks` of the images with the ring in view in words, styled."""
+    return _in_words(table).style.format(precision=1)
+
+
+def sets_table(tables: Mapping[str, pd.DataFrame]):
+    """Several sets' `accuracy_tables.of_networks` side by side, styled: right and wrong poses, and the median
+    error of their position."""
+    shown = ["right (%)", "wrong (%)", "position (mm)"]
+    wide = pd.concat({name: _in_words(table)[shown] for name, table in tables.items()}, axis=1)
+    return wide.swaplevel(axis=1)[list(product(shown, tables))].style.format(precision=1)
+
+
+def _in_words(table: pd.DataFrame) -> pd.DataFrame:
     columns = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "none_percent": "no pose (%)",
                "position_error_m": "position (mm)", "normal_error_deg": "normal (°)",
                "inside_95_percent": "in the 95 % region (%)"}  # fmt: skip
     rows = table[table.light.isin(list(LIGHTS))].assign(position_error_m=1e3 * table.position_error_m)
     rows = rows.replace({"modality": CAMERAS, "light": LIGHTS}).set_index(["light", "modality"])
-    rows = rows[list(columns)].rename(columns=columns)
-    return rows.rename_axis(index=(None, None)).style.format(precision=1)
+    return rows[list(columns)].rename(columns=columns).rename_axis(index=(None, None))
 
 
 def saturation_table(shares: pd.DataFrame, paper_percent: np.ndarray):

@@ -66,8 +66,11 @@ def of_networks(table: str) -> str:
 
 def tests(domain_gap: str) -> pd.DataFrame:
     """Right, wrong and missing poses of a set, by place, camera and light; empty where none were measured."""
-    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
-    chosen = table[(table.weights == domain_gap) & (table.estimator != "every pose")]
+    if domain_gap == "light":
+        table = pd.read_csv(DATA / "results" / "light.csv").query("light != 'all'")
+    else:
+        table = pd.read_csv(DATA / "results" / "wrong-poses.csv").query("estimator != 'every pose'")
+    chosen = table[table.weights == domain_gap]
     chosen = chosen[chosen.set.str.endswith(("held out", "judged once"))]
     return pd.DataFrame({
         "place": chosen.set.str.removesuffix(", held out").str.replace("other laboratory", "second scene"),
@@ -83,6 +86,62 @@ def hardest(domain_gap: str) -> tuple[str, float]:
     row = table.loc[table["no pose (%)"].idxmax()]
     place = row.place.removesuffix(", judged once")
     return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
+
+
+def beside(place: str) -> pd.DataFrame:
+    """Rows of data/results/light.csv, of `light` and the default set, on one set of sequences."""
+    return pd.read_csv(DATA / "results" / "light.csv").query("set == @place")
+
+
+def beside_default() -> pd.DataFrame:
+    """Texts on the tuning sequences by camera and light: right and wrong poses of `light` and of the default
+    set, and how many more are right with `light`; in brackets 95 % intervals."""
+    rows = beside("tuning").set_index(["modality", "light"]).loc[list(product(CHANNELS, (*LIGHTS, "all")))]
+    of = {name: rows[rows.weights == name] for name in ("light", OURS.weights)}
+    columns = {("right (%)", name): _with_ends(own, "right") for name, own in of.items()}
+    columns["right (%)", "difference"] = _with_ends(of["light"], "more_right")
+    columns |= {("wrong (%)", name): _with_ends(own, "wrong") for name, own in of.items()}
+    columns["images", ""] = of["light"].images.astype(str)
+    words = {**CAMERAS, **LIGHTS, "all": "all lights"}
+    return pd.DataFrame(columns).rename(index=words).rename_axis([None, None])
+
+
+def _with_ends(rows: pd.DataFrame, what: str) -> pd.Series:
+    """Percentages with their intervals, as texts."""
+    values = rows[[f"{what}_percent", f"{what}_low", f"{what}_high"]]
+    return values.agg(lambda row: "{:.1f} ({:.1f} to {:.1f})".format(*row), axis=1)
+
+
+def equal_training() -> pd.DataFrame:
+    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
+    seeds, and in brackets the least and the most."""
+    table = pd.read_csv(DATA / "results" / "equal-training.csv")
+    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
+    columns = {}
+    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
+        digits = 2 if name == "iou" else 0
+        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
+        wide = texts.unstack("domain_gap")
+        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
+    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
+    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
+
+
+def draw_equal_training(table: pd.DataFrame):
+    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
+    the high gap's, a dot for each seed."""
+    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
+    for ax, modality in zip(axes, CHANNELS, strict=True):
+        for shift, gap in ((-0.12, "low"), (0.12, "high")):
+            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
+            at = cells.light.map(list(LIGHTS).index) + shift
+            face = COLOUR[modality] if gap == "low" else "none"
+            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
+                       label=f"{gap} gap")  # fmt: skip
+        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
+        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
+        ax.legend(loc="lower left")
+    return fig
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:

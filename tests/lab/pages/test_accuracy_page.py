@@ -53,6 +53,10 @@ def test_the_default_networks_table_has_the_lights_and_no_image_without_a_port()
     table = accuracy_page.default_table(pd.DataFrame(rows, columns=names)).data
     assert table.index.tolist() == [("high light", "events")]
     assert table.iloc[0].tolist() == [90, 1, 9, 1.5, 0.5, 94]
+    other = pd.DataFrame([("high", "event", 80, 2, 18, 60, 0.002, 0.5, 0.7, 94)], columns=names)
+    both = accuracy_page.sets_table({"a": pd.DataFrame(rows, columns=names), "b": other}).data
+    assert both.loc["high light", "events"].tolist() == [90, 80, 1, 2, 1.5, 2.0]
+    assert both["wrong (%)"].columns.tolist() == ["a", "b"]
 
 
 def test_coverage_by_hand():
