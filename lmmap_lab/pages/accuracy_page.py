@@ -178,7 +178,7 @@ def claims_table(claims: pd.DataFrame):
     """`claims.claims`, styled: in small print under each claim what its numbers are and the rule, and under
     each verdict its numbers; the verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
-    numbers = claims.numbers.where(claims.numbers == "", "Numbers: " + claims.numbers + ". ")
+    numbers = ("Numbers: " + claims.numbers + ". ").mask(claims.numbers == "in words", "")
     columns = {
         "": claims.part,
         "the paper's words": claims.claim + "<br><small>" + numbers + "Holds if: " + reasons + "</small>",

@@ -50,7 +50,7 @@ def paper_claims() -> pd.DataFrame:
 
     Words in square brackets are ours.
     """
-    return pd.read_csv(DATA / "paper" / "claims.csv", keep_default_na=False).set_index("key")
+    return pd.read_csv(DATA / "paper" / "claims.csv").set_index("key")
 
 
 def verdict(holds) -> str:
