@@ -94,13 +94,14 @@ def draw_sets(table: pd.DataFrame, place: str):
     """
     fig, axes = plt.subplots(1, len(MEASURES), figsize=(7.6, 2.9))
     shown = table[(table.place == place) & (table.light == domain_gap.ALL_LIGHTS)]
+    sets = [name for name in DOMAIN_GAPS if name in set(shown.quantity)]
     for ax, (measure, (title, scale)) in zip(axes, MEASURES.items(), strict=True):
         for m, shift in SHIFTS.items():
             cells = shown[(shown.measure == measure) & (shown.modality == m)]
-            ends = scale * cells.set_index("quantity").loc[list(DOMAIN_GAPS), ["value", "low", "high"]]
+            ends = scale * cells.set_index("quantity").loc[sets, ["value", "low", "high"]]
             draw_intervals(ax, np.arange(len(ends)) + shift, ends.value, ends.low, ends.high, COLOUR[m],
                            CAMERAS[m])  # fmt: skip
-        ax.set_xticks(range(len(DOMAIN_GAPS)), DOMAIN_GAPS)
+        ax.set_xticks(range(len(sets)), sets)
         ax.set(title=title, xlabel="set of networks", ylim=(0, None))
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig
