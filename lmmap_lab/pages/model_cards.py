@@ -18,6 +18,7 @@ from lmmap.types import Camera, Port, Recording
 
 from ..provenance import DATA
 from ..studies.networks import set_hashes
+from ..studies.table1 import LIGHTS
 from ..training import mask_quality
 from . import filters_page
 from .tables import CAMERAS
@@ -110,38 +111,6 @@ def _with_ends(rows: pd.DataFrame, what: str) -> pd.Series:
     """Percentages with their intervals, as texts."""
     values = rows[[f"{what}_percent", f"{what}_low", f"{what}_high"]]
     return values.agg(lambda row: "{:.1f} ({:.1f} to {:.1f})".format(*row), axis=1)
-
-
-def equal_training() -> pd.DataFrame:
-    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
-    seeds, and in brackets the least and the most."""
-    table = pd.read_csv(DATA / "results" / "equal-training.csv")
-    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
-    columns = {}
-    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
-        digits = 2 if name == "iou" else 0
-        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
-        wide = texts.unstack("domain_gap")
-        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
-    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
-    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
-
-
-def draw_equal_training(table: pd.DataFrame):
-    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
-    the high gap's, a dot for each seed."""
-    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
-    for ax, modality in zip(axes, CHANNELS, strict=True):
-        for shift, gap in ((-0.12, "low"), (0.12, "high")):
-            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
-            at = cells.light.map(list(LIGHTS).index) + shift
-            face = COLOUR[modality] if gap == "low" else "none"
-            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
-                       label=f"{gap} gap")  # fmt: skip
-        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
-        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
-        ax.legend(loc="lower left")
-    return fig
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:
