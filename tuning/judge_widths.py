@@ -113,7 +113,8 @@ def interval(good: np.ndarray) -> tuple[float, float]:
     n, z = len(good), 1.96
     share = good.mean()
     middle, half = share + z * z / (2 * n), z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    return tuple(100 * (middle + side * half) / (1 + z * z / n) for side in (-1, 1))
+    ends = (np.clip((middle + side * half) / (1 + z * z / n), 0, 1) for side in (-1, 1))
+    return tuple(100 * float(end) for end in ends)
 
 
 def summary(table: pd.DataFrame) -> dict:
