@@ -24,6 +24,7 @@ from . import filters_page
 from .tables import CAMERAS
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
+ENOUGH = 10  # images, to say where a set is weakest
 LENSES = {  # for the range of distances
     "DAVIS 346, 6 mm": Camera.davis346(),
     "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
@@ -82,8 +83,9 @@ def tests(domain_gap: str) -> pd.DataFrame:
 
 
 def hardest(domain_gap: str) -> tuple[str, float]:
-    """Of the `tests` of a set, where the most images have no pose, in words, and in how many percent."""
-    table = tests(domain_gap)
+    """Of the `tests` of a set that have `ENOUGH` images, where the most of these have no pose, in words, and
+    in how many percent."""
+    table = tests(domain_gap).query("images >= @ENOUGH")
     row = table.loc[table["no pose (%)"].idxmax()]
     place = row.place.removesuffix(", judged once")
     return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]

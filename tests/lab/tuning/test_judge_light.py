@@ -1,11 +1,13 @@
 """What is said of the set `light` beside the default one, by hand and by the committed table."""
 
+import json
+
 import judge_light
 import numpy as np
 import pandas as pd
 import pytest
 
-from lmmap_lab.provenance import DATA, load_json
+from lmmap_lab.provenance import DATA
 from lmmap_lab.studies.networks import set_hashes
 
 
@@ -30,7 +32,7 @@ def test_images_of_one_sequence_that_err_together_are_worth_one():
 
 def test_the_table_is_of_the_shipped_networks_and_counts_every_image():
     table = pd.read_csv(DATA / "results" / "light.csv")
-    facts = load_json(DATA / "results" / "light.provenance.json")
+    facts = json.loads((DATA / "results" / "light.provenance.json").read_text())
     assert facts["networks"] == {name: set_hashes(name) for name in judge_light.JUDGED}
     shares = table[["right_percent", "wrong_percent", "none_percent"]]
     assert shares.sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
