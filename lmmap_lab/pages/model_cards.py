@@ -18,10 +18,9 @@ from lmmap.types import Camera, Port, Recording
 
 from ..provenance import DATA
 from ..studies.networks import set_hashes
-from ..studies.table1 import LIGHTS
 from ..training import mask_quality
 from . import filters_page
-from .tables import CAMERAS
+from .tables import CAMERAS, LIGHTS
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
 ENOUGH = 10  # images, to say where a set is weakest
