@@ -53,7 +53,7 @@ def recorded(place: str, name: str) -> Recording:
     """A recording of a place; in the second scene its worlds take turns."""
     if place == "film":
         return sequences.simulate(name, SECONDS, setup=sequences.Setup(frame_hz=5))
-    gap_m, sensor = list(world.WORLDS.values())[int(name.split("-")[1]) // 3 % len(world.WORLDS)]
+    gap_m, sensor = world.of_turn(name)
     setup = replace(world.other_setup(gap_m), frame_hz=5)
     return sequences.simulate(name, SECONDS, sensor=sensor, setup=setup)
 

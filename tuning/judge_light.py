@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import wrong_poses
-from judge_widths import interval
+from judge_widths import shares
 
 from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.provenance import DATA, save_table
@@ -48,15 +48,6 @@ def reported(found: pd.DataFrame) -> pd.DataFrame:
     return found.assign(right=found.right & sure, wrong=found.wrong & sure, none=found.none | ~sure)
 
 
-def shares(images: pd.DataFrame) -> dict:
-    """Shares of right, wrong and missing poses, with their intervals."""
-    row = {"images": len(images)}
-    for what in ("right", "wrong", "none"):
-        row[f"{what}_percent"] = 100 * images[what].mean()
-        row[f"{what}_low"], row[f"{what}_high"] = interval(images[what].to_numpy(bool))
-    return row
-
-
 def confidence_error(found: pd.DataFrame) -> dict:
     """Expected calibration error over all poses, reported or not, and that of a perfect confidence."""
     posed = found[~found.none]
@@ -70,9 +61,11 @@ def rows_of(found: pd.DataFrame) -> Iterator[dict]:
     for (modality, light), images in every.groupby(["modality", "light"], sort=False):
         default = reported(images[images.weights == OURS.weights])
         for weights, own in images.groupby("weights"):
-            row = {"modality": modality, "light": light, "weights": weights, **shares(reported(own))}
+            answers = reported(own)
+            row = {"modality": modality, "light": light, "weights": weights, "images": len(own),
+                   **shares(answers, ("right", "wrong", "none"))}  # fmt: skip
             if weights != OURS.weights:
-                row |= more_right(reported(own), default)
+                row |= more_right(answers, default)
             yield row | (confidence_error(own) if light == "all" else {})
 
 

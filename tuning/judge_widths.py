@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -34,6 +35,7 @@ from lmmap.types import Pose
 from lmmap_lab.bench import labels
 from lmmap_lab.bench.renderer import ray_grid
 from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.reliability import share_interval
 from lmmap_lab.training.mask_quality import iou
 
 PLACES = [place for place in wrong_poses.SETS if place.endswith("tuning")]
@@ -108,13 +110,14 @@ def milliseconds(patterns: dict[str, str], modality: str) -> dict[str, float]:
     return {name: 1e3 * float(np.median(times)) for name, times in took.items()}
 
 
-def interval(good: np.ndarray) -> tuple[float, float]:
-    """95 % interval of a share in percent (Wilson 1927)."""
-    n, z = len(good), 1.96
-    share = good.mean()
-    middle, half = share + z * z / (2 * n), z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    ends = (np.clip((middle + side * half) / (1 + z * z / n), 0, 1) for side in (-1, 1))
-    return tuple(100 * float(end) for end in ends)
+def shares(images: pd.DataFrame, outcomes: Sequence[str]) -> dict:
+    """Percentages of the images with each outcome, with their 95 % intervals."""
+    row = {}
+    for what in outcomes:
+        values = images[what].mean(), *share_interval(images[what].sum(), len(images))
+        names = (f"{what}_{end}" for end in ("percent", "low", "high"))
+        row |= dict(zip(names, 100 * np.array(values), strict=True))
+    return row
 
 
 def summary(table: pd.DataFrame) -> dict:
@@ -122,10 +125,7 @@ def summary(table: pd.DataFrame) -> dict:
     high = table[table.light == "high"]
     row = {f"{name}_iou_{light}": t[f"{name}_iou"].mean()
            for name in FILTERS for light, t in table.groupby("light", sort=False)}  # fmt: skip
-    for what in ("right", "wrong"):
-        good = high[what].to_numpy(bool)
-        row[f"{what}_percent"] = 100 * good.mean()
-        row[f"{what}_low"], row[f"{what}_high"] = interval(good)
+    row |= shares(high.astype({"right": bool, "wrong": bool}), ("right", "wrong"))
     return row | {"images": len(table), "images_high": len(high)}
 
 

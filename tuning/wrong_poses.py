@@ -121,8 +121,7 @@ def recorded(name: str) -> Recording:
     if name not in ELSEWHERE:
         port = varied.draw_port(laboratory.sequence(name)) if name in SETS["varied ports, tuning"] else None
         return sequences.simulate(name, seconds, setup=sequences.Setup(frame_hz=5), port=port)
-    turn = int(name.split("-")[1]) // 3 % len(world.WORLDS)
-    gap_m, sensor = list(world.WORLDS.values())[turn]
+    gap_m, sensor = world.of_turn(name)
     return sequences.simulate(name, seconds, sensor=sensor, setup=world.other_setup(gap_m))
 
 

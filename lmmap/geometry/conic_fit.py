@@ -81,13 +81,19 @@ def _distances(theta, x):
     """Sampson distances (K, M) of points (2, M) to conics (K, 6)."""
     distance = np.empty((len(theta), x.shape[1]))
     for k in range(len(theta)):
-        a, b, c, d, e, f = theta[k]
         for i in range(x.shape[1]):
-            u, v = x[0, i], x[1, i]
-            q_u, q_v = 2 * a * u + b * v + d, b * u + 2 * c * v + e
-            q = (a * u + b * v + d) * u + (c * v + e) * v + f
-            distance[k, i] = q / np.sqrt(max(q_u * q_u + q_v * q_v, 1e-24))
+            q, _, _, g = _value_and_slope(theta[k], x[0, i], x[1, i])
+            distance[k, i] = q / g
     return distance
+
+
+@njit(nogil=True, error_model="numpy")
+def _value_and_slope(theta, u, v):
+    """A conic's q = theta' monomials at a point, its derivatives along u and v, and |grad q|, kept from 0."""
+    a, b, c, d, e, f = theta
+    q_u, q_v = 2 * a * u + b * v + d, b * u + 2 * c * v + e
+    q = (a * u + b * v + d) * u + (c * v + e) * v + f
+    return q, q_u, q_v, np.sqrt(max(q_u * q_u + q_v * q_v, 1e-24))
 
 
 @njit(nogil=True, error_model="numpy")
@@ -95,12 +101,9 @@ def _linearised(theta, x):
     """Sampson distances (K, M), and their derivatives (K, 6, M) by the conics."""
     distance, J = np.empty((len(theta), x.shape[1])), np.empty((len(theta), 6, x.shape[1]))
     for k in range(len(theta)):
-        a, b, c, d, e, f = theta[k]
         for i in range(x.shape[1]):
             u, v = x[0, i], x[1, i]
-            q_u, q_v = 2 * a * u + b * v + d, b * u + 2 * c * v + e
-            q = (a * u + b * v + d) * u + (c * v + e) * v + f
-            g = np.sqrt(max(q_u * q_u + q_v * q_v, 1e-24))
+            q, q_u, q_v, g = _value_and_slope(theta[k], u, v)
             s, t = q * q_u / g**2, q * q_v / g**2
             distance[k, i] = q / g
             J[k, 0, i] = (u * u - 2 * s * u) / g

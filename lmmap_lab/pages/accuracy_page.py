@@ -12,7 +12,7 @@ import pandas as pd
 from ..studies.accuracy_run import COMMITTED, run_before
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
-from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
+from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, with_ends
 
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 
@@ -157,7 +157,7 @@ def coverage_table(coverage: pd.DataFrame) -> pd.DataFrame:
     """`error_statistics.coverage` by ``modality`` and ``light``: percent, in brackets its 95 % interval."""
     ends = zip(coverage.inside_95_percent, coverage.low, coverage.high, strict=True)
     texts = coverage.replace({"modality": CAMERAS, "light": LIGHTS}).assign(
-        text=[f"{value:.0f} ({lower:.0f} to {upper:.0f})" for value, lower, upper in ends]
+        text=[with_ends(*values) for values in ends]
     )
     wide = texts.pivot(index="modality", columns="light", values="text")
     wide = wide.reindex(index=list(CAMERAS.values()), columns=list(LIGHTS.values()))

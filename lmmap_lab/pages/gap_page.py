@@ -12,7 +12,7 @@ from lmmap.pipeline.weights import DOMAIN_GAPS
 from ..studies import domain_gap
 from ..studies.table1 import LIGHTS
 from .drawings import COLOUR, draw_intervals
-from .tables import CAMERAS
+from .tables import CAMERAS, with_ends
 from .tables import LIGHTS as TITLES
 
 PANELS = (  # metric, statistic, scale, label
@@ -122,8 +122,7 @@ def cost_table(table: pd.DataFrame, place: str = "film") -> pd.DataFrame:
 
 def in_words(cell: pd.Series, scale: float = 1.0, digits: int = 2) -> str:
     """A cell of `domain_gap.table` with its interval: "0.10 (0.05 to 0.15)"."""
-    value, low, high = (f"{scale * cell[end]:.{digits}f}" for end in ("value", "low", "high"))
-    return f"{value} ({low} to {high})"
+    return with_ends(*(scale * cell[end] for end in ("value", "low", "high")), f".{digits}f")
 
 
 def lights_in_words(table: pd.DataFrame, place: str, measure: str) -> str:

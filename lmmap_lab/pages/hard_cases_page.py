@@ -13,7 +13,7 @@ from lmmap.settings import OURS
 from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA
 from .drawings import COLOUR, draw_intervals
-from .tables import CAMERAS, LIGHTS, WORDS
+from .tables import CAMERAS, LIGHTS, WORDS, with_ends
 
 ERRORS = (  # metric, label, scale
     ("position_error_m", "position (mm)", 1e3), ("normal_error_deg", "normal (°)", 1.0),
@@ -69,8 +69,7 @@ def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for row in differences.itertuples():
         scale = 1e3 if row.metric == "position_error_m" else 1.0
-        value, lower, upper = scale * np.array([row.difference, row.low, row.high])
-        text = f"{value:+.2f} ({lower:+.2f} to {upper:+.2f})"
+        text = with_ends(*(scale * np.array([row.difference, row.low, row.high])), "+.2f")
         rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], text))
     columns = ["light", "median error", "better camera", "fused minus better"]
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])

@@ -20,7 +20,7 @@ from ..provenance import DATA
 from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import filters_page
-from .tables import CAMERAS, LIGHTS
+from .tables import CAMERAS, LIGHTS, shares_with_ends
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
 ENOUGH = 10  # images, to say where a set is weakest
@@ -100,18 +100,12 @@ def beside_default() -> pd.DataFrame:
     set, and how many more are right with `light`; in brackets 95 % intervals."""
     rows = beside("tuning").set_index(["modality", "light"]).loc[list(product(CHANNELS, (*LIGHTS, "all")))]
     of = {name: rows[rows.weights == name] for name in ("light", OURS.weights)}
-    columns = {("right (%)", name): _with_ends(own, "right") for name, own in of.items()}
-    columns["right (%)", "difference"] = _with_ends(of["light"], "more_right")
-    columns |= {("wrong (%)", name): _with_ends(own, "wrong") for name, own in of.items()}
+    columns = {("right (%)", name): shares_with_ends(own, "right", ".1f") for name, own in of.items()}
+    columns["right (%)", "difference"] = shares_with_ends(of["light"], "more_right", ".1f")
+    columns |= {("wrong (%)", name): shares_with_ends(own, "wrong", ".1f") for name, own in of.items()}
     columns["images", ""] = of["light"].images.astype(str)
     words = {**CAMERAS, **LIGHTS, "all": "all lights"}
     return pd.DataFrame(columns).rename(index=words).rename_axis([None, None])
-
-
-def _with_ends(rows: pd.DataFrame, what: str) -> pd.Series:
-    """Percentages with their intervals, as texts."""
-    values = rows[[f"{what}_percent", f"{what}_low", f"{what}_high"]]
-    return values.agg(lambda row: "{:.1f} ({:.1f} to {:.1f})".format(*row), axis=1)
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:

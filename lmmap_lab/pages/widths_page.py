@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from .drawings import COLOUR
-from .tables import CAMERAS
+from .tables import CAMERAS, shares_with_ends
 
 SIZES = {"robust": "robust, as it ships", "further": "robust, trained on", "1": "full width", "2": "half",
          "4": "a quarter", "8": "an eighth", "depthwise": "depthwise"}  # fmt: skip
@@ -33,16 +33,11 @@ def table(widths: pd.DataFrame) -> pd.DataFrame:
         own = rows.xs(modality, level="modality")
         columns |= {(CAMERAS[modality], f"{part} IoU"): own[f"{name}_iou_high"].map("{:.2f}".format)
                     for name, part in (("ring", "ring"), ("reflector", "marker"))}  # fmt: skip
-        columns |= {(CAMERAS[modality], f"{what} (%)"): _with_interval(own, what)
+        columns |= {(CAMERAS[modality], f"{what} (%)"): shares_with_ends(own, what)
                     for what in ("right", "wrong")}  # fmt: skip
     of_size = pd.MultiIndex.from_product([SIZES.values(), TRAININGS.values()])
     order = [key for key in of_size if key in frames.index]
     return pd.DataFrame(columns).loc[order].rename_axis(index=("filters", "learn from"))
-
-
-def _with_interval(rows: pd.DataFrame, what: str) -> pd.Series:
-    values = rows[[f"{what}_percent", f"{what}_low", f"{what}_high"]].round().astype(int)
-    return values.agg(lambda row: "{} ({} to {})".format(*row), axis=1)
 
 
 def draw(widths: pd.DataFrame):
