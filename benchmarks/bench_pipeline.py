@@ -25,8 +25,11 @@ from lmmap.estimation.images import TimedImage, images
 from lmmap.pipeline import circle, outline, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.judge import judge
+from lmmap.pipeline.masks import Seen, reflector_mask
 from lmmap.pipeline.network import faster_precision
-from lmmap.pipeline.ring import skeleton_points
+from lmmap.pipeline.refine import refine
+from lmmap.pipeline.ring import find_ring, skeleton_points
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.formats import open_recording
 from lmmap.refinement.contour import Contour
@@ -72,20 +75,23 @@ def papers(watch: Watch, nets, estimator: Estimator, image: np.ndarray) -> bool:
 
 
 def ours(watch: Watch, estimator: Estimator, image: np.ndarray) -> None:
-    """The stages that `Estimator` goes through, one by one."""
-    camera, port = estimator.camera, estimator.port
-    ring = watch("ring filter", estimator.ring_network, image)
-    contour, _ = watch("skeleton, ellipse", estimator.find_ring, ring)
-    if isinstance(contour, Contour):
-        candidates = watch("circle", estimator.candidates, contour.ellipse)
-        reflectors = watch("reflector filter", estimator.find_reflectors, image, candidates)
-        edges = watch("edges of the image", outline.edges, image)
-        weights = estimator.settings.yaw_weights[estimator.modality]
-        best = watch("yaw", yaw.fast_yaw, reflectors, candidates[:2], port, camera, estimator.settings, edges,
-                     weights)  # fmt: skip
-        T_cam_port, covariance, _ = watch("joint refinement", estimator.refine, best, contour, reflectors)
-        watch("on edges", estimator.refine_on_edges, T_cam_port, covariance, best, edges)
-        watch("confidence", estimator.confidence, T_cam_port, covariance, best, image, ring, reflectors)
+    """The stages that `Estimator.on_grid` goes through, one by one."""
+    port, grid, modality, settings = estimator.port, estimator.grid, estimator.modality, estimator.settings
+    of_port = port, grid, modality, settings
+    mask = watch("ring filter", estimator.ring_network, image)
+    edges = watch("edges of the image", outline.edges, image)
+    ring = watch("skeleton, ellipse", find_ring, mask, port, grid, settings)
+    if not isinstance(ring, Contour):
+        return
+    circles = watch("circle", circle.candidates, ring.ellipse, grid, port.ring_radius_m)
+    reflectors = watch("reflector filter", reflector_mask, estimator.reflector_network, image, circles, port,
+                       grid, settings.marker_border_px)  # fmt: skip
+    weights = settings.yaw_weights[modality]
+    fit = watch("yaw", yaw.fast_yaw, reflectors, circles[:2], port, grid, settings, edges, weights)
+    if fit.score >= settings.min_marker_score:
+        refined = watch("refinement", refine, fit, ring, reflectors, edges, *of_port)
+        seen = Seen(mask, edges)
+        watch("confidence", judge, 0, image, seen, reflectors, ring, fit, refined, *of_port)
 
 
 def has_bfloat16() -> bool:

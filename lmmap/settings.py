@@ -91,7 +91,7 @@ class Settings(PaperSettings):
     # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
     sure_confidence: float = 0.95  # from here on one look is enough
-    look_independence: float = 0.05  # of two looks that agree; tuning/calibrate_confidence.py
+    look_independence: float = 0.0  # of two looks that agree; tuning/calibrate_confidence.py
 
     # ring mask to pixels
     mask_threshold: float = 0.5  # tuning/choose_thresholds.py
@@ -143,12 +143,12 @@ class Settings(PaperSettings):
     # covariances: neighbouring samples of a mask err alike, so independent ones would promise too much.
     # By tuning/calibrate_uncertainty.py on sequences that neither train nor test, with networks on the bench
     # that trained them: other networks ask for a new measurement.
-    ring_inflation: PerCamera = PerCamera(rgb=6.8, event=10.2)  # variance of a contour point of score 1
-    marker_sigma_px: PerCamera = PerCamera(rgb=1.4, event=1.7)  # of a marker's edge point
-    joint_inflation: PerCamera = PerCamera(rgb=0.72, event=0.63)  # of the refined pose's covariance
-    edge_inflation: PerCamera = PerCamera(rgb=1.12, event=1.8)  # of a pose's refined on the image's edges
-    edge_fading: PerCamera = PerCamera(rgb=1.81, event=0.69)  # power of the markers' score that divides it
-    yaw_inflation: float = 0.84  # of the yaw's standard deviation
+    ring_inflation: PerCamera = PerCamera(rgb=13.8, event=13.9)  # variance of a contour point of score 1
+    marker_sigma_px: PerCamera = PerCamera(rgb=1.7, event=2.0)  # of a marker's edge point
+    joint_inflation: PerCamera = PerCamera(rgb=0.42, event=0.66)  # of the refined pose's covariance
+    edge_inflation: PerCamera = PerCamera(rgb=1.05, event=1.26)  # of a pose's refined on the image's edges
+    edge_fading: PerCamera = PerCamera(rgb=1.77, event=1.1)  # power of the markers' score that divides it
+    yaw_inflation: float = 0.92  # of the yaw's standard deviation
     min_sigma_px: float = 0.02  # no contour is known better, whatever its scatter
     min_ring_score: float = 0.1  # no contour is known worse by its mask
     merged_sigmas: float = 3.0  # of tilt: below, head-on is not excluded (99 %) and both normals are possible
@@ -156,9 +156,9 @@ class Settings(PaperSettings):
     # probability that a pose is right: constant and slopes on `verify.evidence`, by
     # tuning/calibrate_confidence.py
     # of position and normal; the slope of `markers_off_px` is set by hand
-    confidence_ring: tuple[float, ...] = (-3.398, -0.701, -8.608, 1.897, -1.0, 0.604)
-    confidence_yaw: tuple[float, ...] = (-7.514, 0.305, 14.297)  # that the yaw is right, if they are
-    min_confidence: PerCamera = PerCamera(rgb=0.5, event=0.65)  # below, the status is `UNSURE`: no pose
+    confidence_ring: tuple[float, ...] = (-3.092, -0.681, -10.092, 1.895, -1.0, 0.593)
+    confidence_yaw: tuple[float, ...] = (-7.482, 0.279, 14.465)  # that the yaw is right, if they are
+    min_confidence: PerCamera = PerCamera(rgb=0.5, event=0.7)  # below, the status is `UNSURE`: no pose
     min_fused_confidence: float = 0.85  # of a track of both cameras
     port_off_px: float = 0.5  # by which markers lie off in half of a recording's poses, to doubt the port: it
     # was 0.1 to 0.25 on the bench and elsewhere, and 0.8 to 1.2 where the plate was 20 % higher

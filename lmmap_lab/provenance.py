@@ -123,11 +123,11 @@ def port_mark() -> str:
 
 def of_former_port() -> list[Path]:
     """Tables and documents of data/results that do not say that they were made with the present port."""
-    found = []
+    found, present = [], port_mark()
     for path in sorted((DATA / "results").rglob("*.json")):
         document = json.loads(path.read_text())
         facts = document if path.name.endswith(".provenance.json") else document.get("provenance")
-        if facts and path.name.split(".")[0] not in NO_PORT and facts.get("port") != port_mark():
+        if facts and path.name.split(".")[0] not in NO_PORT and facts.get("port") != present:
             found.append(path)
     return found
 

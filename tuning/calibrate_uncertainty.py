@@ -3,15 +3,16 @@
     python tuning/calibrate_uncertainty.py
 
 Errors along a contour are correlated, so independent points would promise too much.  An inflation is the
-factor of a covariance with which 95 % of the true poses lie in the 95 % region.  Its results are the
-settings ``ring_inflation`` (of the ring alone), ``yaw_inflation`` (the larger one), ``marker_sigma_px`` and
-``joint_inflation``.  A marker's standard deviation is the one with the best
-logarithmic score of the true poses under the inflated covariances, which rewards small errors and honest
-covariances alike.  ``min_yaw_margin`` is the lowest margin above which at most `OTHER_PERCENT` of the poses
-have another yaw than the true one (the larger of the two).  The sequences are many and short, for errors of
-one view are alike.  The table is kept in data/results/uncertainty.csv, what the constants make of it in each
-light in calibration.csv beside it (so run it again once they are set), the simulated recordings in
-data/derived/calibration.
+factor of a covariance with which 95 % of the true poses lie in the 95 % region.  Its results are the settings
+``ring_inflation`` (of the ring alone), ``yaw_inflation`` (the larger one), ``marker_sigma_px`` and
+``joint_inflation``.  A marker's standard deviation is the one with the best logarithmic score of the true
+poses under the inflated covariances, which rewards small errors and honest covariances alike.
+``min_yaw_margin`` is at least the lowest margin above which at most `OTHER_PERCENT` of the poses have another
+yaw than the true one (the larger of the two).  The present networks would need none on these sequences; but
+of two yaws that explain a mask alike neither is known, so the margin stays.  The sequences are many and
+short, for errors of one view are alike.  The table is kept in data/results/uncertainty.csv, what the
+constants make of it in each light in calibration.csv beside it (so run it again once they are set), the
+simulated recordings in data/derived/calibration.
 """
 
 from __future__ import annotations

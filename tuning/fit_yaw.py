@@ -3,9 +3,10 @@
     python tuning/fit_yaw.py
 
 A multinomial logistic regression for each camera: of all normals and yaws, those near the truth shall be the
-most probable.  It is fitted to the images of the tuning sequences of `wrong_poses`, those of ports that are as
-their CAD, in which one of the ring's two circles is right, of events at both looks.  data/results/yaw-weights.csv holds, for each set of sequences,
-how often the most probable normal and yaw are right: by the mask alone, and with the image.
+most probable.  It is fitted to the images of the tuning sequences of `wrong_poses`, of ports as in
+their CAD, in which one of the ring's two circles is right, of events at both looks.
+data/results/yaw-weights.csv holds, for each set of sequences, how often the most probable normal and yaw are
+right: by the mask alone, and with the image.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 FOLDER holds what ``train_widths.py`` writes.  The images are those of `wrong_poses` on its tuning sequences;
 poses are counted in high light, with the settings of the *robust* filters.  Times are of one image of a
-DAVIS 346 on two cores, filters alternating, and the multiply-accumulates are counted at its size.  The table
+DAVIS 346 on one core, filters alternating, and the multiply-accumulates are counted at its size.  The table
 is data/results/widths.csv.
 """
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -34,6 +35,7 @@ from lmmap.types import Pose
 from lmmap_lab.bench import labels
 from lmmap_lab.bench.renderer import ray_grid
 from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.reliability import share_interval
 from lmmap_lab.training.mask_quality import iou
 
 PLACES = [place for place in wrong_poses.SETS if place.endswith("tuning")]
@@ -95,6 +97,7 @@ def cost(net: FilterNet, channels: int) -> dict:
 
 def milliseconds(patterns: dict[str, str], modality: str) -> dict[str, float]:
     """Median time of the ring's filter on one image, all of them in turn."""
+    torch.set_num_threads(1)
     size_px, rng = wrong_poses.CAMERA.size_px[::-1], np.random.default_rng(0)
     image = rng.integers(0, 9, (*size_px, 3) if modality == "rgb" else size_px).astype(np.uint8)
     networks = {k: load_network(p.format("ring", modality), modality) for k, p in patterns.items()}
@@ -107,12 +110,14 @@ def milliseconds(patterns: dict[str, str], modality: str) -> dict[str, float]:
     return {name: 1e3 * float(np.median(times)) for name, times in took.items()}
 
 
-def interval(good: np.ndarray) -> tuple[float, float]:
-    """95 % interval of a share in percent (Wilson 1927)."""
-    n, z = len(good), 1.96
-    share = good.mean()
-    middle, half = share + z * z / (2 * n), z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    return tuple(100 * (middle + side * half) / (1 + z * z / n) for side in (-1, 1))
+def shares(images: pd.DataFrame, outcomes: Sequence[str]) -> dict:
+    """Percentages of the images with each outcome, with their 95 % intervals."""
+    row = {}
+    for what in outcomes:
+        values = images[what].mean(), *share_interval(images[what].sum(), len(images))
+        names = (f"{what}_{end}" for end in ("percent", "low", "high"))
+        row |= dict(zip(names, 100 * np.array(values), strict=True))
+    return row
 
 
 def summary(table: pd.DataFrame) -> dict:
@@ -120,10 +125,7 @@ def summary(table: pd.DataFrame) -> dict:
     high = table[table.light == "high"]
     row = {f"{name}_iou_{light}": t[f"{name}_iou"].mean()
            for name in FILTERS for light, t in table.groupby("light", sort=False)}  # fmt: skip
-    for what in ("right", "wrong"):
-        good = high[what].to_numpy(bool)
-        row[f"{what}_percent"] = 100 * good.mean()
-        row[f"{what}_low"], row[f"{what}_high"] = interval(good)
+    row |= shares(high.astype({"right": bool, "wrong": bool}), ("right", "wrong"))
     return row | {"images": len(table), "images_high": len(high)}
 
 

@@ -115,6 +115,11 @@ def worn(render, gap_m):
     return rendered
 
 
+def of_turn(name: str) -> tuple:
+    """Gap and sensor of the world whose turn it is at a sequence of the bench."""
+    return list(WORLDS.values())[int(name.split("-")[1]) // 3 % len(WORLDS)]
+
+
 def other_setup(gap_m: float) -> sequences.Setup:
     """All of this in place of the bench's own, with gaps of this width in the ring's film."""
     render = worn(partial(renderer.render, parts=PAINT), gap_m)

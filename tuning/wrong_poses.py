@@ -121,8 +121,7 @@ def recorded(name: str) -> Recording:
     if name not in ELSEWHERE:
         port = varied.draw_port(laboratory.sequence(name)) if name in SETS["varied ports, tuning"] else None
         return sequences.simulate(name, seconds, setup=sequences.Setup(frame_hz=5), port=port)
-    turn = int(name.split("-")[1]) // 3 % len(world.WORLDS)
-    gap_m, sensor = list(world.WORLDS.values())[turn]
+    gap_m, sensor = world.of_turn(name)
     return sequences.simulate(name, seconds, sensor=sensor, setup=world.other_setup(gap_m))
 
 
@@ -142,12 +141,14 @@ def looks(recording: Recording, modality: str) -> dict[str, tuple[list, list]]:
             for k, kind in enumerate(kinds)}  # fmt: skip
 
 
-def make() -> None:
-    """All images with their masks, one recording a process in memory."""
+def make(cells=None) -> None:
+    """All images, and the masks of those sets that ``cells`` name (default: `CELLS`), one recording a process
+    in memory."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     absent = [name for name in SEQUENCES if not path_of(name).exists()]
     _in_parallel(lambda name: _save(path_of(name), _arrays(recorded(name))), absent, "images")
-    jobs = [(name, w) for place, names in SETS.items() for name in names for w in WEIGHTS[place]]
+    sets = {(place, weights) for place, _, weights in cells or CELLS}
+    jobs = [(name, weights) for place, weights in sorted(sets) for name in SETS[place]]
     _in_parallel(lambda job: _save_masks(*job), [job for job in jobs if not path_of(*job).exists()], "masks")
 
 
@@ -270,9 +271,9 @@ def outcomes(estimators: dict[str, Settings], set_name: str, modality: str, weig
     return pd.DataFrame(rows)
 
 
-def of_cells(function) -> list:
-    """A function's values of `CELLS`, several at once."""
-    return joblib.Parallel(os.cpu_count())(joblib.delayed(function)(*cell) for cell in CELLS)
+def of_cells(function, cells=None) -> list:
+    """A function's values of ``cells`` (default: `CELLS`), several at once."""
+    return joblib.Parallel(os.cpu_count())(joblib.delayed(function)(*cell) for cell in cells or CELLS)
 
 
 def shares(table: pd.DataFrame, by=("set", "modality", "weights", "light", "estimator")) -> pd.DataFrame:

@@ -5,7 +5,7 @@ them.
 """
 
 MODALITIES = ("rgb", "event")
-DOMAIN_GAPS = ("high", "low", "robust")
+DOMAIN_GAPS = ("high", "low", "robust", "light")
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
 TIME_UNITS = ("s", "ms", "us", "ns")
 FLIPS = tuple(camera + flip for camera in ("", "rgb:", "event:") for flip in ("x", "y", "180"))

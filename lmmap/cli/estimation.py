@@ -67,8 +67,7 @@ def estimate(a) -> None:
         try:
             with Bar(stream, a.modality) as bar:
                 for image, e in answers:
-                    journal.add(e)
-                    off_px += [e.markers_off_px] * (e.markers_off_px is not None)
+                    _keep(journal, e, off_px)
                     mask = None
                     if views and image is not None:
                         mask = estimators["rgb" if image.ndim == 3 else "event"].ring_mask(image)
@@ -164,9 +163,15 @@ def _estimate_part(stream, estimator, rate_hz: float | None, journal: Journal, o
     """One camera's estimates, each on disk before the next; those on disk already are not made again."""
     yield from journal.done.values()
     for _, e in _estimate_rest(stream, estimator, rate_hz, journal):
-        journal.add(e)
-        off_px += [e.markers_off_px] * (e.markers_off_px is not None)
+        _keep(journal, e, off_px)
         yield round_trip(e)
+
+
+def _keep(journal: Journal, e: Estimate, off_px: list[float]) -> None:
+    """Put an estimate on disk, and how far its markers are off, if that is known, to the others."""
+    journal.add(e)
+    if e.markers_off_px is not None:
+        off_px.append(e.markers_off_px)
 
 
 def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journal:

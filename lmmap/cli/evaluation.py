@@ -40,10 +40,12 @@ def evaluate(a) -> None:
     if both and all(estimates.values()):
         estimates["fused"] = list(fused(estimates, port.yaw_period_rad, a.rate, a.recording))
     tables = _error_tables(a, stream, estimates, port)
+    reports = {m: error_table.report(table, len(estimates[m]) - len(table)) for m, table in tables.items()}
+    summaries = {m: cells.summary(table) for m, table in tables.items()}
     if a.json:
-        print(json.dumps({m: _as_json(table) for m, table in tables.items()}, indent=1))
+        print(json.dumps({m: _as_json(reports[m], summaries[m]) for m in tables}, indent=1))
     else:
-        _print_tables(tables)
+        _print_tables(reports, summaries)
 
 
 def _truth(a, stream: Stream) -> Trajectory:
@@ -95,10 +97,6 @@ def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, p
     if not tables:
         remedy = "try the other" if a.modality else "give a truth of the recording's own times"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
-    left = {m: len(estimates[m]) - len(tables[m]) for m in MODALITIES if m in tables}
-    if any(left.values()):
-        counts = " and ".join(f"{n} of {len(estimates[m])} {m} images" for m, n in left.items() if n)
-        warnings.warn(f"{a.recording}: {counts} have no truth, and do not count", stacklevel=2)
     seen = max(tables, key=lambda m: tables[m].position_error_m.count())
     if form := truth_form.other(estimates[seen], stream.truth, port.yaw_period_rad):
         warnings.warn(f"{a.truth or a.recording}: {form}", stacklevel=2)
@@ -108,17 +106,14 @@ def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, p
     return tables
 
 
-def _as_json(table: pd.DataFrame) -> dict:
+def _as_json(report: dict, summary: pd.DataFrame) -> dict:
     """The report, and the paper's table by ``filter/metric/variant/statistic``; None for what is unknown."""
-    report = error_table.report(table)
-    values = {"/".join(cell[:4]): value for *cell, value in cells.summary(table).itertuples(index=False)}
+    values = {"/".join(cell[:4]): value for *cell, value in summary.itertuples(index=False)}
     known = [{k: None if np.isnan(v) else v for k, v in part.items()} for part in (report, values)]
     return known[0] | {"table": known[1]}
 
 
-def _print_tables(tables: dict[str, pd.DataFrame]) -> None:
-    reports = {m: error_table.report(table) for m, table in tables.items()}
-    summaries = {m: cells.summary(table) for m, table in tables.items()}
+def _print_tables(reports: dict[str, dict], summaries: dict[str, pd.DataFrame]) -> None:
     rows = [(name, [report[name] for report in reports.values()]) for name in next(iter(reports.values()))]
     filtered = next(iter(summaries.values())).query("variant == 'exact' and outlier_filter == 'with'")
     for k, row in filtered.iterrows():

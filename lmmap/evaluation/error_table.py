@@ -85,7 +85,7 @@ def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -
     return np.any([table[prefix + metric] > limit for metric, limit in limits.items()], axis=0)
 
 
-def report(table: pd.DataFrame) -> dict:
+def report(table: pd.DataFrame, without_truth: int = 0) -> dict:
     """The numbers that `lmmap evaluate` prints, without outlier filter.
 
     ``paper_formula`` stands for poses by the formula as it is printed in the paper.
@@ -93,6 +93,7 @@ def report(table: pd.DataFrame) -> dict:
     detected = table.position_error_m.notna()
     return {
         "images": len(table),
+        "images_without_truth": without_truth,
         "images_with_ring_in_view": int(table.in_view.sum()),
         "detected_of_all_percent": _percent_true(detected),
         "detected_of_in_view_percent": detected_in_view_percent(table),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..types import Ellipse
+from .compiled import njit
 from .conics import monomials
 
 
@@ -53,39 +54,60 @@ def five_point_conics(x, samples) -> np.ndarray:
 
 def sampson_distance(theta, x) -> np.ndarray:
     """First-order distance q / |grad q| of points to conics, (..., 6), (M, 2) -> (..., M)."""
-    return theta @ monomials(x).T / _length(*_gradient(theta, x))
+    theta, x = np.array(theta, float, order="C"), np.array(x.T, float, order="C")
+    return _distances(theta.reshape(-1, 6), x).reshape(*theta.shape[:-1], x.shape[1])
 
 
 def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
-    """Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance.
+    """Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance, of a conic (6,) or
+    of several (K, 6).
 
     A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
     """
-    (u, v), m = x.T, monomials(x).T  # (6, M)
-    zeros, ones = np.zeros(len(x)), np.ones(len(x))
-    m_u = np.stack([2 * u, v, zeros, ones, zeros, zeros])
-    m_v = np.stack([zeros, u, 2 * v, zeros, ones, zeros])
+    batch, theta, x = theta.shape[:-1], theta.reshape(-1, 6), np.array(x.T, float, order="C")
     for _ in range(steps):
-        theta = theta / np.linalg.norm(theta, axis=-1, keepdims=True)
-        q, qu, qv = (part[..., None, :] for part in (theta @ m, *_gradient(theta, x)))
-        g = _length(qu, qv)
-        distance = q / g
-        J = (m - distance * (qu * m_u + qv * m_v) / g) / g
+        theta = theta / np.sqrt(np.sum(theta * theta, -1, keepdims=True))
+        distance, J = _linearised(theta, x)
         weighted = J * weight[..., None, :]
-        normal = weighted @ np.swapaxes(J, -1, -2) + theta[..., :, None] * theta[..., None, :]
-        ridge = 1e-9 * (1 + np.trace(normal, axis1=-2, axis2=-1))[..., None, None]
-        step = np.linalg.solve(normal + ridge * np.eye(6), weighted @ np.swapaxes(distance, -1, -2))
+        normal = weighted @ np.swapaxes(J, 1, 2) + theta[:, :, None] * theta[:, None, :]
+        ridge = 1e-9 * (1 + np.trace(normal, axis1=1, axis2=2))[:, None, None]
+        step = np.linalg.solve(normal + ridge * np.eye(6), weighted @ distance[..., None])
         theta = theta - step[..., 0]
-    return theta
+    return theta.reshape(*batch, 6)
 
 
-def _length(u, v):
-    """Of (u, v), kept from zero; `np.hypot` guards against overflow and takes several times longer."""
-    return np.sqrt(np.maximum(u * u + v * v, 1e-24))
+@njit(nogil=True, error_model="numpy")
+def _distances(theta, x):
+    """Sampson distances (K, M) of points (2, M) to conics (K, 6)."""
+    distance = np.empty((len(theta), x.shape[1]))
+    for k in range(len(theta)):
+        for i in range(x.shape[1]):
+            q, _, _, g = _value_and_slope(theta[k], x[0, i], x[1, i])
+            distance[k, i] = q / g
+    return distance
 
 
-def _gradient(theta, x):
-    """Of q = theta' monomials along u and v, (..., M) each."""
-    a, b, c, d, e, _ = np.moveaxis(np.asarray(theta)[..., None], -2, 0)
-    u, v = x.T
-    return 2 * a * u + b * v + d, b * u + 2 * c * v + e
+@njit(nogil=True, error_model="numpy")
+def _value_and_slope(theta, u, v):
+    """A conic's q = theta' monomials at a point, its derivatives along u and v, and |grad q|, kept from 0."""
+    a, b, c, d, e, f = theta
+    q_u, q_v = 2 * a * u + b * v + d, b * u + 2 * c * v + e
+    q = (a * u + b * v + d) * u + (c * v + e) * v + f
+    return q, q_u, q_v, np.sqrt(max(q_u * q_u + q_v * q_v, 1e-24))
+
+
+@njit(nogil=True, error_model="numpy")
+def _linearised(theta, x):
+    """Sampson distances (K, M), and their derivatives (K, 6, M) by the conics."""
+    distance, J = np.empty((len(theta), x.shape[1])), np.empty((len(theta), 6, x.shape[1]))
+    for k in range(len(theta)):
+        for i in range(x.shape[1]):
+            u, v = x[0, i], x[1, i]
+            q, q_u, q_v, g = _value_and_slope(theta[k], u, v)
+            s, t = q * q_u / g**2, q * q_v / g**2
+            distance[k, i] = q / g
+            J[k, 0, i] = (u * u - 2 * s * u) / g
+            J[k, 1, i] = (u * v - s * v - t * u) / g
+            J[k, 2, i] = (v * v - 2 * t * v) / g
+            J[k, 3, i], J[k, 4, i], J[k, 5, i] = (u - s) / g, (v - t) / g, 1 / g
+    return distance, J

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..types import Camera, Ellipse, Pose
+from .compiled import njit
 
 FLATTEST = 1e-3  # axis ratio: of a needle, 64-bit floats tell no pose
 FURTHEST = 300.0  # focal lengths from the optical axis, 89.8 degrees: beyond, the same
@@ -23,15 +24,13 @@ def monomials(x) -> np.ndarray:
 
 def conic_matrix(theta) -> np.ndarray:
     """Symmetric matrices of conics, (..., 6) -> (..., 3, 3)."""
-    a, b, c, d, e, f = np.moveaxis(theta, -1, 0)
-    rows = (a, b / 2, d / 2), (b / 2, c, e / 2), (d / 2, e / 2, f)
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+    halves = np.asarray(theta) * [1, 0.5, 1, 0.5, 0.5, 1]
+    return halves[..., [[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
 
 
 def conic_coefficients(C) -> np.ndarray:
     """Inverse of `conic_matrix`."""
-    return np.stack([C[..., 0, 0], 2 * C[..., 0, 1], C[..., 1, 1],
-                     2 * C[..., 0, 2], 2 * C[..., 1, 2], C[..., 2, 2]], -1)  # fmt: skip
+    return C[..., [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]] * [1, 2, 1, 2, 2, 1]
 
 
 def cone(C, K) -> tuple[np.ndarray, np.ndarray]:
@@ -46,54 +45,59 @@ def conic_from_ellipse(ellipse: Ellipse) -> np.ndarray:
     """Conic matrices of ellipses, with unit Frobenius norm and positive definite upper block."""
     c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
     R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    A = np.einsum("...ij,...j,...kj->...ik", R, ellipse.semi_axes_px**-2.0, R)
-    b = -np.einsum("...ij,...j->...i", A, ellipse.centre_px)
-    f = -np.einsum("...i,...i->...", b, ellipse.centre_px) - 1
-    return _conic(A, b, f)
+    C = np.empty((*c.shape, 3, 3))
+    A = C[..., :2, :2] = (R * ellipse.semi_axes_px[..., None, :] ** -2.0) @ np.swapaxes(R, -1, -2)
+    b = C[..., :2, 2] = C[..., 2, :2] = -np.sum(A * ellipse.centre_px[..., None, :], -1)
+    C[..., 2, 2] = -np.sum(b * ellipse.centre_px, -1) - 1
+    return _unit(C)
 
 
-def _conic(A, b, f) -> np.ndarray:
-    top = np.concatenate([A, b[..., :, None]], -1)
-    bottom = np.concatenate([b, f[..., None]], -1)[..., None, :]
-    C = np.concatenate([top, bottom], -2)
-    return C / np.linalg.norm(C, axis=(-2, -1), keepdims=True)
+def _unit(C) -> np.ndarray:
+    """Matrices (..., 3, 3) of unit Frobenius norm."""
+    return C / np.sqrt(np.sum(C * C, (-2, -1), keepdims=True))
 
 
 def ellipse_from_conic(conic) -> tuple[Ellipse, np.ndarray]:
-    """Ellipses of conics (..., 3, 3), and which of them are real ellipses (...), the rest being NaN.
+    """Ellipses of conics (..., 3, 3), and which of them are real ellipses (...), the rest being NaN."""
+    C = np.array(conic, float, order="C")
+    shapes = _shapes(C.reshape(-1, 3, 3)).reshape(*C.shape[:-2], 5)
+    return Ellipse(shapes[..., :2], shapes[..., 2:4], shapes[..., 4]), np.isfinite(shapes[..., 0])
+
+
+@njit(nogil=True, error_model="numpy")
+def _shapes(conics):
+    """Centres, semi-axes and angles (K, 5) of conics (K, 3, 3).
 
     Eliminating the linear term gives the centre c = -A^-1 b; then (x-c)' A (x-c) = -f - b'c.
     """
-    C = np.asarray(conic, float)
-    with np.errstate(all="ignore"):
-        C = C * np.sign(C[..., 0, 0] + C[..., 1, 1])[..., None, None]
-        A, b, f = C[..., :2, :2], C[..., :2, 2], C[..., 2, 2]
-        a11, a12, a22 = A[..., 0, 0], A[..., 0, 1], A[..., 1, 1]
+    shapes = np.full((len(conics), 5), np.nan)
+    for k in range(len(conics)):
+        (a11, a12, b1), (_, a22, b2), (_, _, f) = conics[k, 0], conics[k, 1], conics[k, 2]
+        sign = np.sign(a11 + a22)
+        a11, a12, a22, b1, b2, f = sign * a11, sign * a12, sign * a22, sign * b1, sign * b2, sign * f
         det = a11 * a22 - a12**2
-        centre = np.stack([a12 * b[..., 1] - a22 * b[..., 0], a12 * b[..., 0] - a11 * b[..., 1]], -1)
-        centre = centre / det[..., None]
-        gain = -f - np.sum(b * centre, -1)
-        mean, half = (a11 + a22) / 2, np.hypot((a11 - a22) / 2, a12)
-        axes = np.sqrt(np.stack([gain * (mean + half) / det, gain / (mean + half)], -1))
-        angle = 0.5 * np.arctan2(-2 * a12, a22 - a11)
-    real = (det > 0) & np.all(np.isfinite(axes) & (axes > 0), -1) & np.all(np.isfinite(centre), -1)
-    angle = np.where(real, angle, np.nan)
-    axes = np.where(real[..., None], axes, np.nan)
-    centre = np.where(real[..., None], centre, np.nan)
-    return Ellipse(centre, axes, angle % np.pi), real
+        u, v = (a12 * b2 - a22 * b1) / det, (a12 * b1 - a11 * b2) / det
+        gain = -f - (b1 * u + b2 * v)
+        largest = (a11 + a22) / 2 + np.hypot((a11 - a22) / 2, a12)  # eigenvalue of A
+        major, minor = np.sqrt(gain * largest / det), np.sqrt(gain / largest)
+        if det > 0 and major > 0 and minor > 0 and np.isfinite(u + v + major + minor):
+            shapes[k, 0], shapes[k, 1], shapes[k, 2], shapes[k, 3] = u, v, major, minor
+            shapes[k, 4] = 0.5 * np.arctan2(-2 * a12, a22 - a11) % np.pi
+    return shapes
 
 
 def circle_conic(T_cam_circle: Pose, radius_m, camera: Camera) -> np.ndarray:
-    """Image conic of circles in their frames' xy plane: C = H^-T diag(1, 1, -r^2) H^-1."""
-    R, p = T_cam_circle.rotation, T_cam_circle.position_m
-    H = camera.K @ np.concatenate([R[..., :, :2], p[..., :, None]], -1)
-    H_inv = np.linalg.inv(H)
-    r2 = np.broadcast_to(np.asarray(radius_m, float) ** 2, p.shape[:-1])
-    D = np.zeros((*r2.shape, 3, 3))
-    D[..., 0, 0] = D[..., 1, 1] = 1
-    D[..., 2, 2] = -r2
-    C = np.swapaxes(H_inv, -1, -2) @ D @ H_inv
-    return C / np.linalg.norm(C, axis=(-2, -1), keepdims=True)
+    """Image conic of circles in their frames' xy plane: C = K^-T Q K^-1.
+
+    A line of sight v meets the plane at v (n.p) / (n.v), at a distance r from p where v' Q v = 0 with
+    Q = (n.p)^2 1 - (n.p)(n p' + p n') + (p.p - r^2) n n'.
+    """
+    n, p, K_inv = T_cam_circle.normal, T_cam_circle.position_m, camera.K_inverse
+    height = np.sum(n * p, -1)[..., None]
+    size = np.sum(p * p, -1) - np.square(radius_m)
+    half = n[..., :, None] * (size[..., None] / 2 * n - height * p)[..., None, :]
+    Q = height[..., None] ** 2 * np.eye(3) + half + np.swapaxes(half, -1, -2)
+    return _unit(K_inv.T @ Q @ K_inv)
 
 
 def circle_ellipse(T_cam_circle: Pose, radius_m, camera: Camera) -> Ellipse:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..types import Camera
+from ..types import Camera, Pose
+from .compiled import njit
 
 WIDEST_RAD = np.deg2rad(89.0)  # off the axis: a fisheye sees further, a plane before the lens does not
 
@@ -27,41 +28,82 @@ def bearings(points_px, camera: Camera) -> np.ndarray:
 
 def project(points_m, camera: Camera) -> np.ndarray:
     """Pixels of points in the camera frame, (..., 3) -> (..., 2); NaN behind the camera."""
-    points = np.asarray(points_m, float)
-    z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
-    x, y = points[..., 0] / z, points[..., 1] / z
-    if camera.distortion:
-        x, y = np.moveaxis(distort(np.stack([x, y], -1), camera), -1, 0)
-    pixels = np.empty((*z.shape, 2))
-    pixels[..., 0], pixels[..., 1] = x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
-    return pixels
+    points = np.array(points_m, float, order="C")
+    pixels = _pixels(np.eye(3)[None], np.zeros((1, 3)), points.reshape(-1, 3), *_lens(camera))
+    return pixels.reshape(*points.shape[:-1], 2)
+
+
+def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
+    """Points (*P, 3) of bodies in poses (*B,) in pixels, (*B, *P, 2); NaN behind the camera."""
+    R, p = (np.array(part, order="C") for part in (T_cam_body.rotation, T_cam_body.position_m))
+    points = np.array(points_m, float, order="C")
+    pixels = _pixels(R.reshape(-1, 3, 3), p.reshape(-1, 3), points.reshape(-1, 3), *_lens(camera))
+    return pixels.reshape(*p.shape[:-1], *points.shape[:-1], 2)
 
 
 def distort(xy, camera: Camera) -> np.ndarray:
     """The lens's distortion of normalised coordinates, (..., 2) -> (..., 2)."""
     if not camera.distortion:
         return xy
-    if camera.distortion_model == "equidistant":
-        r = np.hypot(xy[..., 0], xy[..., 1])
-        ratio = _angle_on_image(np.arctan(r), camera.distortion) / np.where(r > 0, r, 1)
-        return xy * np.where(r > 0, ratio, 1)[..., None]
-    k1, k2, p1, p2, k3 = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
-    x, y = xy[..., 0], xy[..., 1]
+    xy = np.array(xy, float, order="C")
+    return _distort(xy.reshape(-1, 2), *_lens(camera)[1:]).reshape(xy.shape)
+
+
+def _lens(camera: Camera) -> tuple[tuple, tuple, bool]:
+    """Focal lengths and centre (4,), coefficients (5,) of the distortion, and whether it is equidistant."""
+    intrinsics = float(camera.fx_px), float(camera.fy_px), float(camera.cx_px), float(camera.cy_px)
+    coefficients = tuple(float(k) for k in (*camera.distortion, 0, 0, 0, 0, 0)[:5])
+    return intrinsics, coefficients, bool(camera.distortion) and camera.distortion_model == "equidistant"
+
+
+@njit(nogil=True, error_model="numpy")
+def _pixels(R, p, points_m, intrinsics, k, equidistant):
+    """Pixels (B, P, 2) of points (P, 3) in poses R (B, 3, 3) and p (B, 3)."""
+    fx, fy, cx, cy = intrinsics
+    pixels = np.empty((len(R), len(points_m), 2))
+    for b in range(len(R)):
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R[b, 0], R[b, 1], R[b, 2]
+        px, py, pz = p[b]
+        for i in range(len(points_m)):
+            X, Y, Z = points_m[i]
+            z = zx * X + zy * Y + zz * Z + pz
+            z = z if z > 0 else np.nan
+            x, y = (xx * X + xy * Y + xz * Z + px) / z, (yx * X + yy * Y + yz * Z + py) / z
+            x, y = _distorted(x, y, k, equidistant)
+            pixels[b, i, 0], pixels[b, i, 1] = x * fx + cx, y * fy + cy
+    return pixels
+
+
+@njit(nogil=True, error_model="numpy")
+def _distort(xy, k, equidistant):
+    distorted = np.empty_like(xy)
+    for i in range(len(xy)):
+        distorted[i] = _distorted(xy[i, 0], xy[i, 1], k, equidistant)
+    return distorted
+
+
+@njit(nogil=True, error_model="numpy")
+def _distorted(x, y, k, equidistant):
+    """Of normalised coordinates, by Brown's model k1, k2, p1, p2, k3 or by `_angle_on_image`."""
+    if equidistant:
+        r = np.hypot(x, y)
+        ratio = _one_angle_on_image(np.arctan(r), k) / r if r > 0 else 1.0
+        return x * ratio, y * ratio
     r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        [
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ],
-        -1,
+    radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    return (
+        x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
+        y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y,
     )
 
 
 def _angle_on_image(angle_rad, k) -> np.ndarray:
     """Kannala & Brandt's distance from the image's centre, in focal lengths, of rays (...) off the axis."""
-    t2 = np.square(angle_rad)
+    t2 = angle_rad * angle_rad
     return angle_rad * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
+
+
+_one_angle_on_image = njit(nogil=True, error_model="numpy")(_angle_on_image)
 
 
 def _undistort_equidistant(xy, k) -> np.ndarray:

@@ -11,9 +11,12 @@ from ..types import Pose
 
 def rotation_z(angle_rad) -> np.ndarray:
     """Rotations about z, (...) -> (..., 3, 3)."""
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    o, i = np.zeros_like(c), np.ones_like(c)
-    return np.stack([np.stack([c, -s, o], -1), np.stack([s, c, o], -1), np.stack([o, o, i], -1)], -2)
+    R = np.zeros((*np.shape(angle_rad), 3, 3))
+    R[..., 0, 0] = R[..., 1, 1] = np.cos(angle_rad)
+    R[..., 1, 0] = np.sin(angle_rad)
+    R[..., 0, 1] = -R[..., 1, 0]
+    R[..., 2, 2] = 1
+    return R
 
 
 def rotation_angle_rad(rotation) -> np.ndarray:

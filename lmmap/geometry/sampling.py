@@ -1,20 +1,12 @@
-"""Values of images at points of bodies whose poses are known."""
+"""Values of images between pixels."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from ..types import Camera, Pose
-from .projection import project
-
-
-def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
-    """Points (*P, 3) of bodies in poses (*B,) in pixels, (*B, *P, 2); NaN behind the camera."""
-    R, p = T_cam_body.rotation, T_cam_body.position_m
-    points = np.asarray(points_m)
-    flat = R @ points.reshape(-1, 3).T + p[..., None]  # components apart, as `project` wants them
-    return project(np.moveaxis(flat, -2, -1), camera).reshape(*p.shape[:-1], *points.shape[:-1], 2)
+from ..types import Camera
+from .projection import distort_points
 
 
 def sample(image, points_px) -> np.ndarray:
@@ -24,3 +16,13 @@ def sample(image, points_px) -> np.ndarray:
     np.fmin(np.fmax(grid, -10, out=grid), 30_000, out=grid)  # of NaN and -10, -10
     image = np.asarray(image, np.float32)
     return cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
+
+
+def profiles(image, points_px, directions, offsets_px, camera: Camera | None = None) -> np.ndarray:
+    """Values of an image (H, W) at offsets (K,) from points (N, 2) along directions (N, 2), (N, K).
+
+    Points are undistorted where a camera is given, whose distortion the image has.
+    """
+    uv = [points_px[:, i, None] + offsets_px * directions[:, i, None] for i in (0, 1)]
+    grid = np.stack(uv, -1)
+    return sample(image, distort_points(grid, camera) if camera else grid)

@@ -104,9 +104,10 @@ def _frame(n) -> np.ndarray:
     """Rotations with third column n, (..., 3) -> (..., 3, 3): the camera turned half about x, then
     by the least rotation that brings its z axis to n.  Smooth for every normal but (0, 0, 1), which
     looks away from the camera."""
-    k = 1 / (1 - n[..., 2])
-    x = np.stack([1 - k * n[..., 0] ** 2, -k * n[..., 0] * n[..., 1], n[..., 0]], -1)
-    return np.stack([x, np.cross(n, x), n], -1)
+    x, y, z = np.moveaxis(n, -1, 0)
+    k = 1 / (1 - z)
+    columns = (1 - k * x * x, -k * x * y, x), (k * x * y, k * y * y - 1, -y), (x, y, z)
+    return np.moveaxis(np.array(columns), (0, 1), (-1, -2))
 
 
 def _minor_direction(ellipse: Ellipse) -> np.ndarray:

@@ -128,7 +128,8 @@ def _finite(points_px):
 
 
 def _msac(theta, x, tolerance: float):
-    return np.sum(np.minimum(sampson_distance(theta, x) ** 2, tolerance**2), -1)
+    squared = np.square(distance := sampson_distance(theta, x), out=distance)
+    return np.minimum(squared, tolerance**2, out=squared).sum(-1)
 
 
 def _polish(theta, x, tolerance: float):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..geometry.markers import reach_m
 from ..geometry.port import circle_points_m
-from ..geometry.projection import project
+from ..geometry.projection import project_points
 from ..settings import OURS
 from ..types import Camera, Ellipse, Port, Pose
 from . import outline
@@ -59,7 +59,7 @@ def markers_box_px(
     """What the markers and the search for them reach at poses (N,), whatever the yaw, and a border around
     that."""
     disc = circle_points_m(reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
-    seen = project(T_cam_port[:, None] @ disc, camera).reshape(-1, 2)
+    seen = project_points(T_cam_port, disc, camera).reshape(-1, 2)
     seen = seen[np.isfinite(seen).all(-1)]
     if not len(seen):
         return Box(np.zeros(2), np.array(camera.size_px) - 1)

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from ..geometry.markers import polar_grid
-from ..geometry.sampling import project_points, sample
+from ..geometry.projection import project_points
+from ..geometry.sampling import sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
@@ -33,7 +34,7 @@ def edges(image) -> np.ndarray:
     if image.ndim == 3:
         root = np.sqrt(cv2.transform(image, np.full((1, 3), 1 / 3, np.float32)))
         root = cv2.GaussianBlur(root, (0, 0), EDGE_BLUR_PX)
-        strength = cv2.magnitude(*(cv2.Scharr(root, -1, *d) / 32 for d in ((1, 0), (0, 1))))
+        strength = cv2.magnitude(*(cv2.Scharr(root, -1, *d, scale=1 / 32) for d in ((1, 0), (0, 1))))
         noise = NOISE["rgb"]
     else:
         strength = cv2.GaussianBlur(np.minimum(image, SATURATED), (0, 0), EDGE_BLUR_PX)
@@ -44,12 +45,11 @@ def edges(image) -> np.ndarray:
 def support(strength, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -> np.ndarray:
     """Mean of an image's `edges` (H, W) along the rim, the markers' outlines and the petals' tips of poses
     (N,) at a number of yaws over one period, shape (N, yaws, 3)."""
-    parts = []
-    for points_m, spectra in (_plate(port, yaws), _tips(port, yaws)):
-        value = sample(strength, project_points(T_cam_port, points_m, camera))
-        folded = value.reshape(len(value), len(points_m), port.symmetry, -1).mean(2)
-        parts.append(np.fft.irfft(np.einsum("nrf,krf->nkf", np.fft.rfft(folded), spectra), yaws))
-    return np.moveaxis(np.concatenate(parts, 1), 1, -1)
+    points_m, spectra = _lines(port, yaws)
+    value = sample(strength, project_points(T_cam_port, points_m, camera))
+    folded = value.reshape(len(value), len(points_m), port.symmetry, -1).mean(2)
+    spectrum = np.einsum("nrf,krf->nfk", np.fft.rfft(folded), spectra)
+    return np.fft.irfft(spectrum, yaws, axis=1)
 
 
 def log_odds(log_probability, T_cam_port: Pose, port: Port, settings: Settings = OURS) -> float:
@@ -68,6 +68,14 @@ def log_odds(log_probability, T_cam_port: Pose, port: Port, settings: Settings =
 
 
 @lru_cache
+def _lines(port: Port, yaws: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (R, A, 3) of `_plate` and `_tips`, and the spectra (3, R, F) of all their lines."""
+    (plate_m, of_plate), (tips_m, of_tips) = _plate(port, yaws), _tips(port, yaws)
+    spectra = np.zeros((3, len(plate_m) + len(tips_m), of_tips.shape[-1]), complex)
+    spectra[:2, : len(plate_m)], spectra[2:, len(plate_m) :] = of_plate, of_tips
+    return frozen_array(np.concatenate([plate_m, tips_m])), frozen_array(spectra, complex)
+
+
 def _plate(port: Port, yaws: int, radial: int = 16) -> tuple[np.ndarray, np.ndarray]:
     """Points (R, A, 3) of the plate's plane, and `_spectra` (2, R, F) of rim and markers' outlines."""
     half_tangential, half_radial = np.array(port.marker_size_m) / 2
@@ -86,7 +94,6 @@ def _plate(port: Port, yaws: int, radial: int = 16) -> tuple[np.ndarray, np.ndar
     return points_m, _spectra([_line(from_rim), _line(from_marker) * free_of_rim], points_m, yaws)
 
 
-@lru_cache
 def _tips(port: Port, yaws: int, radial: int = 6) -> tuple[np.ndarray, np.ndarray]:
     """As `_plate` of the plane of the petals' tips."""
     tip_m = port.apothem_m + port.petal_lean_m

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
-from skimage.filters import apply_hysteresis_threshold
 from skimage.morphology import skeletonize
 
 from ..geometry.conics import is_view
@@ -108,7 +108,13 @@ def binarise(mask, threshold: float = OURS.mask_threshold, peak_share: float = O
     maximum.  Such hysteresis drops weak blobs and keeps the weak ends of strong ones."""
     mask = np.asarray(mask, np.float32)
     high = peak_share * mask.max(initial=0)
-    return apply_hysteresis_threshold(mask, threshold, high) if high > threshold else mask > threshold
+    active = mask > threshold
+    if high <= threshold:
+        return active
+    count, blob = cv2.connectedComponents(active.astype(np.uint8), connectivity=4)
+    kept = np.zeros(count, bool)
+    kept[blob[mask > high]] = True
+    return kept[blob]
 
 
 def skeleton_points(

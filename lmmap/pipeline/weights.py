@@ -16,9 +16,10 @@ from ..types import InputError
 from .network import CHANNELS, FilterNet, MaskNetwork
 
 FILTERS = ("ring", "reflector")
-DOMAIN_GAPS = ("high", "low", "robust")  # the paper's two sets of training sequences, and ours for real data
+# the paper's two sets of training sequences, ours for real data, and the same of half the width
+DOMAIN_GAPS = ("high", "low", "robust", "light")
 WEIGHTS = DATA / "weights"
-MAX_BYTES = 2**26  # of a weight file; ours have 1.6 MB
+MAX_BYTES = 2**26  # of a weight file; ours have 1.6 MB at most
 MAX_CARD_BYTES = 2**24  # of its card, with the curve of its training
 
 

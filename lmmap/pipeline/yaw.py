@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 
 from ..geometry.markers import check_yaw_step, corners_m, marker_points_m, polar_template, template_spectrum
+from ..geometry.projection import project_points
 from ..geometry.rotations import rotation_z
-from ..geometry.sampling import project_points, sample
+from ..geometry.sampling import sample
 from ..settings import OURS, PAPER, PaperSettings, Settings
 from ..types import Camera, Port, Pose
 from . import outline
@@ -137,8 +138,8 @@ def _turn(T: Pose, yaw_rad) -> Pose:
 
 def _area_px(corners_px):
     """Total area of the markers' outlines, (..., S, 4, 2) -> (...); zero behind the camera."""
-    a, b = np.moveaxis(corners_px, -1, 0)
-    cross = a * np.roll(b, -1, -1) - b * np.roll(a, -1, -1)
+    following = corners_px[..., [1, 2, 3, 0], :]
+    cross = corners_px[..., 0] * following[..., 1] - corners_px[..., 1] * following[..., 0]
     return np.nan_to_num(np.abs(cross.sum(-1)).sum(-1) / 2)
 
 
@@ -173,7 +174,8 @@ def _peak(criterion, correlation, folded, template, step_rad: float):
     left, top, right = (correlation[[0, 1], (at + k) % count] for k in (-1, 0, 1))
     bend = np.maximum(2 * top - left - right, 0)
     amplitude = np.maximum(top, 0) / template.sum()
-    fitted = amplitude[:, None, None] * np.stack([np.roll(template > 0, k, 1) for k in at])
+    turned = (template > 0)[:, (np.arange(count) - at[:, None]) % count]  # (R, 2, yaws)
+    fitted = amplitude[:, None, None] * np.swapaxes(turned, 0, 1)
     variance = np.mean((folded - fitted) ** 2, (1, 2))
     sharp = amplitude * bend
     sigma = np.sqrt(variance / np.where(sharp > 0, sharp, 1)) * step_rad

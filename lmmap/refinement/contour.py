@@ -9,16 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
+from ..geometry.compiled import njit
 from ..geometry.conic_fit import normalise, sampson_distance, sampson_fit, to_pixels
 from ..geometry.conics import conic_coefficients, conic_from_ellipse, conic_matrix, ellipse_from_conic
 from ..geometry.projection import distort_points
+from ..geometry.robust import median, tukey_cut, tukey_weights
+from ..geometry.sampling import profiles, sample
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse
-
-TUKEY = 4.7  # robust standard deviations beyond which a point counts for nothing
 
 
 class Edge(NamedTuple):
@@ -78,24 +78,21 @@ def trace(
         points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
         radius = np.linalg.norm(points - ellipse.centre_px, axis=1, keepdims=True)
         rays = (points - ellipse.centre_px) / radius
-        grid = points[:, None] + offsets[:, None] * rays[:, None]
-        grid = distort_points(grid, camera) if camera else grid
-        profile = cv2.remap(mask, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderValue=0.0)
-        edges = (_half_height(p, settings.contour_floor) for p in (profile[:, ::-1], profile))
-        falls, slopes = np.stack(list(edges), 1)  # (2, N) each, of the inner and the outer edge
+        profile = profiles(mask, points, rays, offsets, camera)
+        falls, slopes = _half_heights(profile, settings.contour_floor)
         ends = np.stack([offsets[-1] - 0.5 * falls[0], offsets[0] + 0.5 * falls[1]])
         shares = ends / radius[:, 0]  # along every ray an annulus is as wide, in radii
         width = shares[1] - shares[0]
         good = np.isfinite(width)
         if not good.any():
             return None
-        typical = np.median(width[good])
+        typical = median(width[good])
         narrow, wide = settings.contour_widths
         good &= (width > narrow * typical) & (width < wide * typical)
         if good.mean() < settings.contour_min_rays:
             return None
         slopes = slopes[:, good]
-        weights = np.minimum(slopes / np.median(slopes, 1, keepdims=True), 1) ** 2
+        weights = np.minimum(slopes / _medians(slopes), 1) ** 2
         edges_px = points[good] + ends[:, good, None] * rays[good]
         start, middle_px = ellipse, edges_px.mean(0)
         ellipse, inlier, sigma_px = _fit_robust(middle_px, start, fits, 2 / np.sum(1 / weights, 0))
@@ -118,31 +115,45 @@ def _edges(points_px, shares, weights, turns, about: Ellipse) -> tuple[Edge, ...
         weighted = harmonics * (weights * own)[:, None]
         fitted = np.linalg.solve(weighted @ harmonics.T + 1e-9 * np.eye(5), weighted @ shares[..., None])
         gap_px = np.abs(shares - fitted[..., 0] @ harmonics) * across_px
-        own = gap_px < TUKEY * np.maximum(1.48 * np.median(gap_px, 1, keepdims=True), 1e-9)
+        own = gap_px < np.array([[tukey_cut(edge)] for edge in gap_px])
     w = weights * own
     variance = np.sum(w * gap_px**2, 1, keepdims=True) / np.maximum(w.sum(1, keepdims=True) - 5, 1)
     sigma_px = np.sqrt(variance / weights)
     return tuple(Edge(at[on], sigma[on]) for at, on, sigma in zip(points_px, own, sigma_px, strict=True))
 
 
-def _half_height(profile, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where profiles (N, K) fall to half their maximum after it, (N,) in steps, and their slopes there; NaN
-    where they do not, or where the half is below the floor."""
-    row, peak = np.arange(len(profile)), profile.max(1)
-    above = profile - peak[:, None] / 2
-    falls = (above < 0) & (np.arange(profile.shape[1]) > above.argmax(1)[:, None])
-    k = falls.argmax(1)
-    before, after = above[row, k - 1], above[row, k]
-    slope = np.where(falls.any(1) & (peak > 2 * floor), before - after, np.nan)
-    return k - 1 + before / slope, slope
+@njit(nogil=True, error_model="numpy")
+def _half_heights(profile, floor):
+    """Where profiles (N, K) fall to half their maximum before and after it, (2, N) in steps from the last and
+    from the first value, and their slopes there; NaN where they do not, or where the half is below the
+    floor."""
+    count, last = profile.shape[0], profile.shape[1] - 1
+    falls, slopes = np.full((2, count), np.nan), np.full((2, count), np.nan)
+    for i in range(count):
+        half = profile[i].max() / 2
+        if half <= floor:
+            continue
+        for side in range(2):
+            one = profile[i, ::-1] if side == 0 else profile[i]
+            k = one.argmax()
+            while k < last and one[k] >= half:
+                k += 1
+            if one[k] < half:
+                slopes[side, i] = one[k - 1] - one[k]
+                falls[side, i] = k - 1 + (one[k - 1] - half) / slopes[side, i]
+    return falls, slopes
+
+
+def _medians(values) -> np.ndarray:
+    """Medians (N, 1) of rows (N, M)."""
+    return np.array([[median(row)] for row in values])
 
 
 def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
     """Mean of a mask (H, W) along an undistorted ellipse, zero outside the image."""
     points = ellipse.points(max(24, int(2 * ellipse.semi_axes_px.sum())))
     points = distort_points(points, camera) if camera else points
-    grid, mask = points[None].astype(np.float32), np.asarray(mask, np.float32)
-    return float(cv2.remap(mask, grid, None, cv2.INTER_LINEAR, borderValue=0.0).mean())
+    return float(sample(mask, points).mean())
 
 
 def from_points(ellipse: Ellipse, points_px) -> Contour:
@@ -162,11 +173,11 @@ def _fit_robust(points, start: Ellipse, rounds: int, weight) -> tuple[Ellipse, n
     ellipse; which points have Tukey's, and their standard deviation about the fit."""
     x, theta, centre, scale = _normalise(points, start)
     for _ in range(rounds):
-        r = np.abs(sampson_distance(theta, x))
-        cut = TUKEY * max(1.48 * np.median(r), 1e-9)
-        theta = sampson_fit(theta, x, weight * np.maximum(1 - (r / cut) ** 2, 0) ** 2, steps=2)
+        r = sampson_distance(theta, x)
+        cut = tukey_cut(r)
+        theta = sampson_fit(theta, x, weight * tukey_weights(r, cut), steps=2)
     ellipse, real = ellipse_from_conic(conic_matrix(theta))
     real = real and ellipse.semi_axes_px[0] < 10 and ellipse.semi_axes_px[1] > 0.01  # of the points' spread
-    inlier = r < cut
+    inlier = np.abs(r) < cut
     sigma = np.sqrt(np.sum(sampson_distance(theta, x)[inlier] ** 2) / max(inlier.sum() - 5, 1))
     return to_pixels(ellipse, centre, scale) if real else start, inlier, float(sigma * scale)

@@ -11,13 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..geometry.compiled import njit
 from ..geometry.port import circle_points_m
-from ..geometry.projection import project
+from ..geometry.projection import project_points
 from ..geometry.rotations import move, rotation_z, single_rotation_vector
-from ..geometry.sampling import sample
+from ..geometry.sampling import profiles
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
-from .joint import STEPS, move_by_each_step
+from .joint import across_by_pose, move_by_each_step
 from .verify import hidden
 
 RING_POINTS, SIDE_POINTS = 48, 6  # of each of the ring's edges, and of each side of the rim or tip
@@ -50,19 +51,18 @@ def refine(
     information = np.zeros((9, 9))
     information[:7, :7] = np.linalg.inv(covariance)
     information[7:, 7:] = np.eye(2) / settings.edge_offset_px**2
+    all_m = np.stack([points_m, outward_m, points_m + rise_m])
     T, rest, sigma_px = T_cam_port, np.array([higher, 0.0, 0.0]), settings.edge_sigma_px
     for _ in range(settings.edge_rounds):
-        at, beside = project(T @ np.stack([points_m, outward_m]), camera)
+        at, beside, above = project_points(T, all_m, camera)
         normal = (beside - at) / np.maximum(np.linalg.norm(beside - at, axis=1, keepdims=True), 1e-9)
         gap_px, seen = _gaps(strength, at, normal, settings)
-        seen &= ~(on_ring & hidden(points_m, T.inverse.position_m, port))
+        seen[on_ring] &= ~hidden(points_m[on_ring], T.inverse.position_m, port)
         if seen.sum() < settings.min_edges:
             return T_cam_port, higher, np.asarray(covariance)
-        steps = move_by_each_step(T)
-        shifted = project(steps[:, None] @ points_m[seen], camera)
-        J = np.sum((shifted[1:] - shifted[0]) * normal[seen], -1).T / STEPS.diagonal()
-        risen = np.sum((project(T @ (points_m + rise_m)[seen], camera) - at[seen]) * normal[seen], -1)
-        J = np.column_stack([J, risen, on_ring[seen], ~on_ring[seen]])
+        by_pose = across_by_pose(move_by_each_step(T), points_m[seen], normal[seen], camera)
+        risen = np.sum((above - at) * normal, -1)[seen]
+        J = np.column_stack([by_pose, risen, on_ring[seen], ~on_ring[seen]])
         residual = gap_px[seen] - J[:, 6:] @ rest
         weight = (1 + (residual / (settings.edge_outlier_sigmas * sigma_px)) ** 2) ** -2.0 / sigma_px**2
         turned = single_rotation_vector(T.rotation @ T_cam_port.rotation.T)
@@ -78,15 +78,24 @@ def _gaps(strength, at, normal, settings: Settings) -> tuple[np.ndarray, np.ndar
     stands out (N,)."""
     reach_px = settings.edge_reach_px
     offsets_px = np.arange(-reach_px, reach_px + PROFILE_STEP_PX / 2, PROFILE_STEP_PX)
-    profile = sample(strength, at[:, None] + offsets_px[:, None] * normal[:, None])
-    profile = profile * np.exp(-0.5 * (offsets_px / (0.6 * reach_px)) ** 2)
-    row, k = np.arange(len(profile)), profile.argmax(1)
-    inside = (k > 0) & (k < len(offsets_px) - 1)
-    k = k.clip(1, len(offsets_px) - 2)
-    left, top, right = (profile[row, k + d] for d in (-1, 0, 1))
-    bend = np.maximum(2 * top - left - right, 1e-9)
-    gap_px = offsets_px[k] + (0.5 * (right - left) / bend).clip(-1, 1) * PROFILE_STEP_PX
-    return gap_px, inside & (top > settings.edge_least)
+    fade = np.exp(-0.5 * (offsets_px / (0.6 * reach_px)) ** 2)
+    steps, height = _highest(profiles(strength, at, normal, offsets_px), fade)
+    return steps * PROFILE_STEP_PX - reach_px, height > settings.edge_least
+
+
+@njit(nogil=True, error_model="numpy")
+def _highest(profile, fade):
+    """Where profiles (N, K) times a fade (K,) are highest, by a parabola, (N,) in steps from their first
+    value; and how high, 0 where that is at an end."""
+    steps, height = np.zeros(len(profile)), np.zeros(len(profile))
+    for i in range(len(profile)):
+        faded = profile[i] * fade
+        k = faded.argmax()
+        if 0 < k < len(fade) - 1:
+            left, top, right = faded[k - 1], faded[k], faded[k + 1]
+            shift = 0.5 * (right - left) / max(2 * top - left - right, 1e-9)
+            steps[i], height[i] = k + min(max(shift, -1.0), 1.0), top
+    return steps, height
 
 
 @lru_cache

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from ..geometry.conic_fit import sampson_distance
 from ..geometry.conics import circle_conic, conic_coefficients
-from ..geometry.projection import project
+from ..geometry.projection import project_points
+from ..geometry.robust import median, tukey_cut, tukey_weights
 from ..geometry.rotations import move, single_rotation_matrix
+from ..geometry.sampling import profiles
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
 
@@ -68,18 +69,18 @@ def refine(T_cam_port: Pose, ring: Sequence[RingEdge], reflector_mask, port: Por
             return None
         moved_m, normal, gap_px = edges
         steps = move_by_each_step(T)
-        seen = project(steps[:, None] @ moved_m[0], camera)
-        shift = np.sum((seen[1:] - seen[0]) * normal, -1).T / STEPS.diagonal()
-        by_port = np.sum((project(T @ moved_m[1:], camera) - seen[0]) * normal, -1).T
-        zeros = np.zeros((len(gap_px), 1))
-        J_edge = np.hstack([shift, by_port, zeros, zeros + 1]) / marker_sigma_px
-        centred = gap_px - np.median(gap_px)
-        cut = 4.7 * max(1.48 * np.median(np.abs(centred)), 0.3)
-        weight = np.maximum(1 - (centred / cut) ** 2, 0) ** 2
+        J_edge = np.zeros((len(gap_px), 10))
+        J_edge[:, :6] = across_by_pose(steps, moved_m[0], normal, camera)
+        at, *there = project_points(T, moved_m, camera)
+        J_edge[:, 6:8] = np.sum((there - at) * normal, -1).T
+        J_edge[:, 9] = 1
+        centred = gap_px - median(gap_px)
+        weight = tukey_weights(centred, tukey_cut(centred, least_sigma=0.3))
 
         # Gauss-Newton: (J' W J) step = J' W r, solved with unit diagonal and a ridge of 1e-9
-        rows = (_ring_rows(steps, edge, port, camera) for edge in ring)
-        J, r = map(np.concatenate, zip(*rows, (J_edge, -gap_px / marker_sigma_px), strict=True))
+        rows = _ring_rows(steps, ring, port, camera)
+        of_markers = J_edge / marker_sigma_px, -gap_px / marker_sigma_px
+        J, r = map(np.concatenate, zip(*rows, of_markers, strict=True))
         w = np.append(np.ones(len(r) - len(weight)), weight)
         normal_matrix = (J.T * w) @ J + PRIOR
         scale = np.sqrt(np.maximum(normal_matrix.diagonal(), 1e-12))
@@ -93,15 +94,18 @@ def refine(T_cam_port: Pose, ring: Sequence[RingEdge], reflector_mask, port: Por
     return JointFit(T, -step[6:8], inverse[:7, :7], len(gap_px)) if sane else None
 
 
-def _ring_rows(steps: Pose, edge: RingEdge, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (M, 10) and residuals (M,) of an edge's points, in standard deviations."""
-    theta = conic_coefficients(circle_conic(steps, edge.radius_m, camera))
-    distance = sampson_distance(theta, edge.points_px)  # (7, M)
-    by_pose = (distance[1:] - distance[0]).T / STEPS.diagonal()
+def _ring_rows(steps: Pose, ring: Sequence[RingEdge], port: Port, camera: Camera):
+    """Derivatives (M, 10) and residuals (M,) of each edge's points, in standard deviations."""
+    radii_m = [edge.radius_m for edge in ring]
+    thetas = conic_coefficients(circle_conic(steps[:, None], radii_m, camera))
     wider_m = port.ring_width_tolerance * (port.ring_outer_radius_m - port.ring_inner_radius_m) / 2
     wider_px = wider_m * camera.fx_px / steps.position_m[0, 2]
-    rest = np.broadcast_to([0.0, 0.0, -edge.side * wider_px, 0.0], (len(by_pose), 4))
-    return np.column_stack([by_pose, rest]) / edge.sigma_px[:, None], distance[0] / edge.sigma_px
+    for edge, theta in zip(ring, np.swapaxes(thetas, 0, 1), strict=True):
+        distance = sampson_distance(theta, edge.points_px)  # (7, M)
+        J = np.zeros((len(edge.points_px), 10))
+        J[:, :6] = (distance[1:] - distance[0]).T / STEPS.diagonal()
+        J[:, 8] = -edge.side * wider_px
+        yield J / edge.sigma_px[:, None], distance[0] / edge.sigma_px
 
 
 def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> float:
@@ -109,7 +113,7 @@ def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> fl
     by so many tolerances (2,); root mean square."""
     moved_m, _ = _side_points_m(port)
     off_m = np.tensordot(port_off, moved_m[1:] - moved_m[0], 1)
-    at, there = project(T_cam_port @ np.stack([moved_m[0], moved_m[0] + off_m]), camera)
+    at, there = project_points(T_cam_port, np.stack([moved_m[0], moved_m[0] + off_m]), camera)
     return float(np.sqrt(np.mean(np.sum((there - at) ** 2, -1))))
 
 
@@ -122,6 +126,12 @@ def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.
 def move_by_each_step(T: Pose) -> Pose:
     """A pose, and that moved by each of `STEPS`, (7,)."""
     return Pose(_TURNS @ T.rotation, T.position_m + _SHIFTS_M)
+
+
+def across_by_pose(steps: Pose, points_m, normal, camera: Camera) -> np.ndarray:
+    """Derivatives (N, 6) of points (N, 3) of the port along image normals (N, 2), by `move_by_each_step`."""
+    seen = project_points(steps, points_m, camera)
+    return np.einsum("kni,ni->nk", seen[1:] - seen[0], normal) / STEPS.diagonal()
 
 
 @lru_cache
@@ -147,19 +157,18 @@ def _measure_edges(mask, T: Pose, sides_m, camera: Camera, settings: Settings):
     The gap is the integral of the profile across the side, less its inner half.
     """
     moved_m, beside_m = sides_m
-    at, beside = project(T @ moved_m[0], camera), project(T @ beside_m, camera)
+    at, beside = project_points(T, np.stack([moved_m[0], beside_m]), camera)
     steps = np.diff(at.reshape(-1, POINTS_PER_SIDE, 2), axis=1)  # to the next point of the same side
     along = np.concatenate([steps, steps[:, -1:]], 1).reshape(-1, 2)  # the last point has the step before it
     normal = np.stack([along[:, 1], -along[:, 0]], -1)
     normal *= np.sign(np.sum(normal * (beside - at), -1, keepdims=True))
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    normal /= np.maximum(np.sqrt(np.sum(normal * normal, -1, keepdims=True)), 1e-12)
     half_px = settings.edge_half_px
     offsets = np.arange(-half_px, half_px + 0.25, 0.5)
-    grid = at[:, None] + offsets[:, None] * normal[:, None]
-    profile = cv2.remap(mask, np.nan_to_num(grid, nan=-10).astype(np.float32), None, cv2.INTER_LINEAR)
-    inner, outer = profile[:, :3].mean(1), profile[:, -3:].mean(1)
+    profile = profiles(mask, at, normal, offsets)
+    inner, outer = profile[:, :3].sum(1) / 3, profile[:, -3:].sum(1) / 3
     contrast = inner - outer
-    good = (contrast > settings.edge_contrast) & np.isfinite(grid).all((1, 2))
+    good = (contrast > settings.edge_contrast) & np.isfinite((at + normal).sum(1))
     if good.sum() < settings.min_edges:
         return None
     level = (profile[good] - outer[good, None]) / contrast[good, None]

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
 
 from ..geometry.conics import circle_conic, cone
-from ..geometry.projection import bearings
 from ..settings import OURS
 from ..types import Camera, Pose
 
@@ -90,9 +89,13 @@ def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) ->
 
     A change dQ of the cone moves the contour by x' dQ x / |grad x' Q x|.
     """
-    (l1, l2, l3), E, m, w = cone_chart(T_cam_port, radius_m, camera)
-    square = Camera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    a, b, c = np.moveaxis(bearings(points_px, square) @ E, -1, 0)
+    return _information(*cone_chart(T_cam_port, radius_m, camera), points_px, camera)
+
+
+def _information(eigenvalues, E, m, w, points_px, camera: Camera) -> np.ndarray:
+    l1, l2, l3 = eigenvalues
+    sights = np.column_stack([points_px, np.ones(len(points_px))]) @ camera.K_inverse.T
+    a, b, c = (sights @ E).T
     gap = m - l3
     # dQ of a unit step along y1, y2, s, w1, w2, in the eigenvectors' axes, as x' dQ x: turning e3 toward e1
     # gives (l3 - l1)(e1 e3' + e3 e1'), scaling 2 m (1 + w/2, 1 - w/2, 0), and w (m - l3)/2 (1, -1, 0)
@@ -127,12 +130,13 @@ def pose_uncertainty(T_cam_port: Pose, points_px, sigma_px: float, radius_m: flo
     ValueError
         If fewer than five points, or points in fewer than five places, determine no ellipse.
     """
-    J = information(T_cam_port, points_px, radius_m, camera)
-    if len(points_px) < 5 or not np.linalg.cond(J) < 1e14:
+    axes = cone_chart(T_cam_port, radius_m, camera)
+    J = _information(*axes, points_px, camera)
+    least, *_, most = np.linalg.eigvalsh(J)
+    if len(points_px) < 5 or not most < 1e14 * least:
         raise ValueError(f"points_px: expected points that determine an ellipse, got {len(points_px)}")
     chart = np.linalg.inv(J) * sigma_px**2
-    w = cone_chart(T_cam_port, radius_m, camera)[-1]
-    tilt_sigmas = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(chart[3:, 3:]), [w, 0])))
+    tilt_sigmas = float(np.linalg.norm(np.linalg.solve(np.linalg.cholesky(chart[3:, 3:]), [axes[-1], 0])))
     return Uncertainty(T_cam_port, chart, tilt_sigmas, radius_m, camera, yaw_sigma_rad, merged)
 
 

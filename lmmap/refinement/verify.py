@@ -13,7 +13,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..geometry.sampling import project_points, sample
+from ..geometry.compiled import njit
+from ..geometry.projection import project_points
+from ..geometry.sampling import sample
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose
 from ..types.arrays import frozen_array
@@ -37,45 +39,38 @@ def hidden(points_m, eye_m, port: Port) -> np.ndarray:
     The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
     Its windows hide nothing.
     """
-    points, eye = np.asarray(points_m, float), np.asarray(eye_m, float)
-    radial, tangent, base, normal = _petals(port)
-    ray = points - eye
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_plate = (port.plate_height_m - eye[2]) / ray[:, 2]  # share of the ray
-        on_plate = eye + to_plate[:, None] * ray
-        before = 1 - TOUCHING_M / np.linalg.norm(ray, axis=1)  # share of the ray where what hides it ends
-        by_plate = (np.abs(on_plate @ radial.T).max(1) < port.apothem_m) & (to_plate < before)
-        by_plate &= ~_in_window(on_plate, port)
-        share = np.sum((base - eye) * normal, 1) / (ray @ normal.T)  # of the ray, (N, S)
-        on_petal = eye + share[..., None] * ray[:, None] - base
-        height = on_petal[..., 2] / port.petal_rise_m
-        half_m = ((1 - height) * port.petal_widths_m[0] + height * port.petal_widths_m[1]) / 2
-        across_m = np.abs(np.sum(on_petal * tangent, -1))
-    by_petal = (share > 0) & (share < before[:, None]) & (height > 0) & (height < 1) & (across_m < half_m)
-    return by_plate | by_petal.any(1)
+    petal = (*port.petal_widths_m, port.petal_rise_m, port.petal_lean_m)
+    window = (port.window_radius_m, *port.window_size_m)
+    points, eye = np.array(points_m, float, order="C"), np.array(eye_m, float)
+    return _hidden(points, eye, port.symmetry, port.apothem_m, port.plate_height_m, petal, window)
 
 
-def _in_window(points_m, port: Port) -> np.ndarray:
-    """Whether points (N, 3) of the plate's plane lie in one of its windows, (N,)."""
-    yaws = (np.arange(port.symmetry) + 0.5) * port.yaw_period_rad
-    c, s = np.cos(yaws), np.sin(yaws)
-    x, y = points_m[:, :1], points_m[:, 1:2]
-    half_tangential, half_radial = np.array(port.window_size_m) / 2
-    within = np.abs(x * c + y * s - port.window_radius_m) < half_radial
-    return (within & (np.abs(y * c - x * s) < half_tangential)).any(1)
-
-
-@lru_cache
-def _petals(port: Port) -> tuple[np.ndarray, ...]:
-    """Directions toward the petals and along their bases, the bases' middles, and the petals' normals, all
-    (symmetry, 3)."""
-    yaws = np.arange(port.symmetry) * port.yaw_period_rad
-    radial = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], -1)
-    tangent = np.stack([-np.sin(yaws), np.cos(yaws), np.zeros_like(yaws)], -1)
-    up = np.array([0, 0, 1.0])
-    base = port.apothem_m * radial + port.plate_height_m * up
-    normal = port.petal_rise_m * radial - port.petal_lean_m * up
-    return tuple(map(frozen_array, (radial, tangent, base, normal)))
+@njit(nogil=True, error_model="numpy")
+def _hidden(points, eye, symmetry, apothem, height, petal, window):
+    (base_width, tip_width, rise, lean), (radius, tangential, radial) = petal, window
+    is_hidden = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        ray = points[i] - eye
+        before = 1 - TOUCHING_M / np.sqrt(np.sum(ray * ray))  # share of the ray where what hides it ends
+        share = (height - eye[2]) / ray[2]  # of the ray, where it meets the plate's plane
+        x, y = eye[0] + share * ray[0], eye[1] + share * ray[1]
+        by_plate, by_petal = share < before, False
+        for k in range(symmetry):
+            yaw, between = k * 2 * np.pi / symmetry, (k + 0.5) * 2 * np.pi / symmetry
+            c, s = np.cos(yaw), np.sin(yaw)
+            by_plate &= abs(x * c + y * s) < apothem
+            a, b = np.cos(between), np.sin(between)
+            in_window = abs(x * a + y * b - radius) < radial / 2 and abs(y * a - x * b) < tangential / 2
+            by_plate &= not in_window
+            # a petal's plane rises outward from its base: rise * (outward - apothem) = lean * (z - height)
+            gap = rise * (apothem - eye[0] * c - eye[1] * s) - lean * (height - eye[2])
+            to_petal = gap / (rise * (ray[0] * c + ray[1] * s) - lean * ray[2])
+            up = (eye[2] + to_petal * ray[2] - height) / rise
+            across = (eye[1] + to_petal * ray[1]) * c - (eye[0] + to_petal * ray[0]) * s
+            within = abs(across) < ((1 - up) * base_width + up * tip_width) / 2
+            by_petal |= 0 < to_petal < before and 0 < up < 1 and within
+        is_hidden[i] = by_plate or by_petal
+    return is_hidden
 
 
 def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera) -> tuple[float, float]:
@@ -90,8 +85,8 @@ def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera
         return 1.0, 0.0
     inner = port.ring_inner_radius_m / port.ring_radius_m
     at = project_points(T_cam_port, points_m, camera)
-    inside = sample(ring_mask, at)[seen][:, inner - INSIDE > RADII].mean()
-    value = sample(_light(image), at)[seen]
+    inside = sample(ring_mask, at[seen])[:, inner - INSIDE > RADII].mean()
+    value = sample(_light(image), at[seen])
     edge = np.abs(value[:, 2:] - value[:, :-2]) if np.ndim(image) == 3 else value[:, 1:-1]
     away = np.abs(RADII[1:-1] - inner)
     near, beside = away <= EDGE_NEAR, (away > EDGE_NEAR) & (away <= EDGE_FAR)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..geometry.conics import circle_ellipse, is_view
 from ..geometry.port import circle_points_m
-from ..geometry.projection import project
+from ..geometry.projection import project_points
+from ..geometry.rotations import single_rotation_matrix
 from ..pipeline import circle
 from ..pipeline.crops import Box
 from ..pipeline.masks import Expected, markers_box_px
@@ -45,12 +45,12 @@ def ring_spread_px(state: MotionState, port: Port, camera: Camera) -> tuple[np.n
     """Points (36, 2) of the ring of a state, and their standard deviations along u and v; not finite where
     one is behind the camera."""
     poses = _standard_deviations(state)
-    points_px = project(poses[:, None] @ circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
+    points_px = project_points(poses, circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
     return points_px[0], np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))
 
 
 def _standard_deviations(state: MotionState) -> Pose:
     """The state's pose, and that moved by each column of its covariance's root, (7,)."""
     steps = np.vstack([np.zeros(6), np.linalg.cholesky(state.pose_covariance).T])
-    turn = Rotation.from_rotvec(steps[:, 3:]).as_matrix()
+    turn = np.stack([single_rotation_matrix(step[3:]) for step in steps])
     return Pose(turn @ state.T_cam_port.rotation, state.T_cam_port.position_m + steps[:, :3])

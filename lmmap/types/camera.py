@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from .. import camera_files
+from .arrays import frozen_array
 
 MODELS = {"radtan": (1, 2, 3, 4, 5), "equidistant": (4,)}  # how many coefficients they take
 
@@ -52,10 +54,15 @@ class Camera:
         """(width, height)."""
         return self.width_px, self.height_px
 
-    @property
+    @cached_property
     def K(self) -> np.ndarray:
         """Intrinsic matrix, shape (3, 3)."""
-        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+        return frozen_array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1]])
+
+    @cached_property
+    def K_inverse(self) -> np.ndarray:
+        """Normalised coordinates of pixels, shape (3, 3)."""
+        return frozen_array(np.linalg.inv(self.K))
 
     def at_focal(self, focal_px: float) -> Camera:
         """The camera of the same images resampled to about a focal length, in whole pixels.

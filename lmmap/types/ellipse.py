@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,8 +19,8 @@ class Ellipse:
     angle_rad: np.ndarray
 
     def __post_init__(self):
-        for f in fields(self):
-            object.__setattr__(self, f.name, frozen_array(getattr(self, f.name)))
+        for name in ("centre_px", "semi_axes_px", "angle_rad"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
         if np.any(self.semi_axes_px[..., 1] > self.semi_axes_px[..., 0] * (1 + 1e-9)):
             raise ValueError(f"Ellipse: semi_axes_px, expected major first, got {self.semi_axes_px}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -19,8 +19,8 @@ class Pose:
     position_m: np.ndarray
 
     def __post_init__(self):
-        for f in fields(self):
-            object.__setattr__(self, f.name, frozen_array(getattr(self, f.name)))
+        object.__setattr__(self, "rotation", frozen_array(self.rotation))
+        object.__setattr__(self, "position_m", frozen_array(self.position_m))
 
     @classmethod
     def identity(cls) -> Pose:

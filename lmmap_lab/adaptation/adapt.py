@@ -99,11 +99,12 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     looks = {m: list(looks_of(recording, e, seconds, unfinished, facts)) for m, e in estimators.items()}
     if not any(looks.values()):
         raise InputError(f"{recording.name}: holds no images of {' or '.join(modalities)}; try the other")
-    outcomes = {}
+    seen = [(m, look.estimate) for m, each in looks.items() for look in each]
+    track, outcomes = SmoothTrack(seen, estimators[modalities[0]].port.yaw_period_rad), {}
     for m, estimator in estimators.items():
         recipes = [learning.recipe_for(name, m, steps, seed, recording.name) for name in FILTERS]
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
-        outcomes[m], nets = learn(recording, looks, estimator, old, recipes, unfinished)
+        outcomes[m], nets = learn(recording, looks[m], track, estimator, old, recipes, unfinished)
         report(f"{m}: {outcomes[m].why}")
         for recipe, net in zip(recipes, nets, strict=True):
             card = {"recipe": asdict(recipe), "made_of": facts, "adapted": outcomes[m].taken}
@@ -164,12 +165,11 @@ def guarded(times_us: Sequence[int]) -> np.ndarray:
     return np.isin((PIECES * share).astype(int), GUARDED)
 
 
-def learn(recording: AnyRecording, looks: Mapping[str, Sequence[Look]], estimator: Estimator,
+def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, estimator: Estimator,
           old: list[FilterNet], recipes, unfinished: Path) -> tuple[Outcome, list[FilterNet]]:  # fmt: skip
-    """What becomes of one camera's networks by the looks of all cameras, and the networks, old or new."""
-    modality, own = estimator.modality, looks[estimator.modality]
-    seen = [(m, look.estimate) for m, each in looks.items() for look in each]
-    track = SmoothTrack(seen, estimator.port.yaw_period_rad)
+    """What becomes of one camera's networks by its looks and the track of all cameras, and the networks, old
+    or new."""
+    modality = estimator.modality
     kept = guarded([look.t_us for look in own]) if own else []
     free = [look for look, k in zip(own, kept, strict=True) if not k]
     poses = [self_labels.label_pose(look.estimate, track, estimator) for look in free]
@@ -178,7 +178,7 @@ def learn(recording: AnyRecording, looks: Mapping[str, Sequence[Look]], estimato
     if len(chosen) < self_labels.LEAST_LABELS:
         why = f"{len(chosen)} images can teach, {self_labels.LEAST_LABELS} are needed; networks as before"
         return Outcome(False, why, facts), old
-    guard = Guard([look.estimate for look in own], kept, seen, estimator)
+    guard = Guard([look.estimate for look in own], kept, track, estimator)
     if not guard.missing():
         return Outcome(False, "no pose is missing where the port is in view; networks as before", facts), old
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.types import Estimate, Pose
+from lmmap.types import Estimate
 
 from .self_labels import believed
 from .smooth_track import SmoothTrack
@@ -57,16 +57,15 @@ class Guard:
         The old networks' estimates of them.
     kept
         Which of them teach nothing, (N,).
-    seen
-        ``(camera, estimate)`` of all images of all cameras, by the old networks.
+    track
+        By the old networks' estimates of all cameras.
     estimator
         With the old networks.
     """
 
-    def __init__(self, old: Sequence[Estimate], kept: Sequence[bool], seen: Sequence[tuple[str, Estimate]],
+    def __init__(self, old: Sequence[Estimate], kept: Sequence[bool], track: SmoothTrack,
                  estimator: Estimator):  # fmt: skip
-        self._old, self._kept, self._seen, self._estimator = old, kept, seen, estimator
-        self._track = SmoothTrack(seen, estimator.port.yaw_period_rad)
+        self._old, self._kept, self._track, self._estimator = old, kept, track, estimator
         self._limit = estimator.settings.min_confidence[estimator.modality]
 
     def missing(self) -> int:
@@ -74,7 +73,8 @@ class Guard:
         is not contradicted."""
         own = [e for e, kept in zip(self._old, self._kept, strict=True) if kept]
         states = [self._track.at(e.t_us) for e in own]
-        shown = [state is not None and self._in_view(state.T_cam_port) for state in states]
+        port, camera = self._estimator.port, self._estimator.camera
+        shown = [state is not None and in_view(state.T_cam_port, port, camera) for state in states]
         found = [e.T_cam_port is not None and self._trust(e, self._track) is not False for e in own]
         return sum(s and not f for s, f in zip(shown, found, strict=True))
 
@@ -85,7 +85,7 @@ class Guard:
         more contradicted poses than the old ones do.  They are taken if they then report more that are
         believed among the images that taught nothing.
         """
-        joint = SmoothTrack([*self._seen, *(("new", e) for e in new)], self._estimator.port.yaw_period_rad)
+        joint = self._track.with_more(("new", e) for e in new)
         old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (self._old, new))
         wrong = sorted((e.confidence for e, trust in new if trust is False), reverse=True)
         allowed = _reported(old, self._limit)[1]
@@ -100,13 +100,6 @@ class Guard:
         """What the first track that reaches an estimate says of it."""
         told = (believed(e, track, self._estimator) for track in tracks)
         return next((trust for trust in told if trust is not None), None)
-
-    def _in_view(self, T: Pose) -> bool:
-        return bool(
-            in_view(Pose(T.rotation[None], T.position_m[None]), self._estimator.port, self._estimator.camera)[
-                0
-            ]
-        )
 
 
 def _reported(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> tuple[int, int]:

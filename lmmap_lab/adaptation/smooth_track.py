@@ -39,10 +39,15 @@ class SmoothTrack:
     def __init__(self, estimates: Iterable[tuple[str, Estimate]], yaw_period_rad: float,
                  motion: MotionSettings = MOTION):  # fmt: skip
         seen = sorted(((c, e) for c, e in estimates if e.T_cam_port is not None), key=lambda ce: ce[1].t_us)
+        self._seen, self._yaw_period_rad = seen, yaw_period_rad
         self._last_us = seen[-1][1].t_us if seen else 0
         back = [(c, replace(e, t_us=self._last_us - e.t_us)) for c, e in reversed(seen)]
         self._forward, self._backward = (_states(own, yaw_period_rad, motion) for own in (seen, back))
         self._turns, self._motion = equal_turns(yaw_period_rad), motion
+
+    def with_more(self, estimates: Iterable[tuple[str, Estimate]]) -> SmoothTrack:
+        """The track by these estimates as well."""
+        return SmoothTrack([*self._seen, *estimates], self._yaw_period_rad, self._motion)
 
     def at(self, t_us: int, with_own: bool = True) -> MotionState | None:
         """Pose and covariance at a time, its velocity left out; None where no track reaches or two contradict

@@ -9,6 +9,7 @@ from lmmap.cli.commands import Commands
 
 # of modules that take seconds to import, while --help is to answer at once; tests compare them
 FILTERS, PROFILES = ("ring", "reflector"), ("quick", "paper")
+ADAPT_STEPS = 200
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 
 ADAPT = """examples:
@@ -51,7 +52,8 @@ def adapt(commands: Commands) -> None:
     command.add_argument("--weights", metavar="FOLDER", help=text)
     text = "learn from so much of the recording's beginning (default: all)"
     command.add_argument("--seconds", type=float, help=text)
-    command.add_argument("--steps", type=int, default=200, help="of each network (default: 200)")
+    text = "of each network (default: %(default)s)"
+    command.add_argument("--steps", type=int, default=ADAPT_STEPS, help=text)
     command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
     text = "folder for the networks, which --weights takes; the same call goes on with it"
     commands.add_file(command, "-o", "--output", metavar="FOLDER", required=True, help=text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -12,7 +12,7 @@ import pandas as pd
 from ..studies.accuracy_run import COMMITTED, run_before
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
-from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table
+from .tables import CAMERAS, LIGHTS, WORDS, metric_titles, sentence_table, with_ends
 
 GAPS = {"low-domain-gap": "low domain gap", "high-domain-gap": "high domain gap"}
 
@@ -111,14 +111,25 @@ def assumptions_table(effects: pd.DataFrame):
 
 
 def default_table(table: pd.DataFrame):
-    """`accuracy_tables.default_networks` of the images with the ring in view in words, styled."""
+    """`accuracy_tables.of_networks` of the images with the ring in view in words, styled."""
+    return _in_words(table).style.format(precision=1)
+
+
+def sets_table(tables: Mapping[str, pd.DataFrame]):
+    """Several sets' `accuracy_tables.of_networks` side by side, styled: right and wrong poses, and the median
+    error of their position."""
+    shown = ["right (%)", "wrong (%)", "position (mm)"]
+    wide = pd.concat({name: _in_words(table)[shown] for name, table in tables.items()}, axis=1)
+    return wide.swaplevel(axis=1)[list(product(shown, tables))].style.format(precision=1)
+
+
+def _in_words(table: pd.DataFrame) -> pd.DataFrame:
     columns = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "none_percent": "no pose (%)",
                "position_error_m": "position (mm)", "normal_error_deg": "normal (°)",
                "inside_95_percent": "in the 95 % region (%)"}  # fmt: skip
     rows = table[table.light.isin(list(LIGHTS))].assign(position_error_m=1e3 * table.position_error_m)
     rows = rows.replace({"modality": CAMERAS, "light": LIGHTS}).set_index(["light", "modality"])
-    rows = rows[list(columns)].rename(columns=columns)
-    return rows.rename_axis(index=(None, None)).style.format(precision=1)
+    return rows[list(columns)].rename(columns=columns).rename_axis(index=(None, None))
 
 
 def saturation_table(shares: pd.DataFrame, paper_percent: np.ndarray):
@@ -146,7 +157,7 @@ def coverage_table(coverage: pd.DataFrame) -> pd.DataFrame:
     """`error_statistics.coverage` by ``modality`` and ``light``: percent, in brackets its 95 % interval."""
     ends = zip(coverage.inside_95_percent, coverage.low, coverage.high, strict=True)
     texts = coverage.replace({"modality": CAMERAS, "light": LIGHTS}).assign(
-        text=[f"{value:.0f} ({lower:.0f} to {upper:.0f})" for value, lower, upper in ends]
+        text=[with_ends(*values) for values in ends]
     )
     wide = texts.pivot(index="modality", columns="light", values="text")
     wide = wide.reindex(index=list(CAMERAS.values()), columns=list(LIGHTS.values()))
@@ -164,11 +175,13 @@ def sequence_table(table: pd.DataFrame):
 
 
 def claims_table(claims: pd.DataFrame):
-    """`claims.claims`, styled: each rule in small letters under its claim, numbers under each verdict; the
-    verdict that decides stands in bold letters."""
+    """`claims.claims`, styled: in small print under each claim what its numbers are and the rule, and under
+    each verdict its numbers; the verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
+    numbers = ("Numbers: " + claims.numbers + ". ").mask(claims.numbers == "in words", "")
     columns = {
-        "claim": plain_claims(claims.claim) + "<br><small>" + reasons + "</small>",
+        "": claims.part,
+        "the paper's words": claims.claim + "<br><small>" + numbers + "Holds if: " + reasons + "</small>",
         "paper": claims.paper,
     }
     for estimator, name in ESTIMATORS.items():
@@ -177,8 +190,3 @@ def claims_table(claims: pd.DataFrame):
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
     return sentence_table(pd.DataFrame(columns))
-
-
-def plain_claims(claims: pd.Series) -> pd.Series:
-    """Claims as sentences; the results' files write ``a | b`` and ``a; b`` for lists."""
-    return claims.str.replace(" | ", " and ").str.replace("; ", ", ")

@@ -7,15 +7,22 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from lmmap.pipeline.weights import DOMAIN_GAPS
+
+from ..studies import domain_gap
 from ..studies.table1 import LIGHTS
 from .drawings import COLOUR, draw_intervals
-from .tables import CAMERAS
+from .tables import CAMERAS, with_ends
 from .tables import LIGHTS as TITLES
 
 PANELS = (  # metric, statistic, scale, label
     ("position_error_m", "median", 1e3, "position error (mm)"),
     ("detection_rate_percent", "in_fov", 1.0, "found, ring in view (%)"),
 )
+MEASURES = {  # of `domain_gap`: title, scale
+    "mask_overlap": ("overlap of the masks (IoU)", 1), "ring_right": ("right rings (%)", 100),
+    "pose_right": ("right poses (%)", 100),
+}  # fmt: skip
 SHIFTS = {"rgb": -0.15, "event": 0.15}  # of a camera's marks, beside a light
 PROMISES = (("position_m", "mm", 1e3), ("normal_deg", "°", 1.0))  # what, unit, scale
 
@@ -52,31 +59,84 @@ def _draw_beside_paper(ax, cells: pd.DataFrame, scale: float) -> None:
                 label="paper" if m == "rgb" else None)  # fmt: skip
 
 
-def draw_gap_cost(rate_percent: pd.DataFrame, cost: pd.DataFrame):
-    """Figure of what a high gap costs: shares of images with a pose, and the factor by which errors grow.
+def draw_costs(table: pd.DataFrame, place: str = "film"):
+    """Figure of what a domain gap costs, one panel a measure: dots with intervals, and crosses by seed.
 
     Parameters
     ----------
-    rate_percent
-        Shares of images with a pose: rows by light and modality, a column for each gap.
-    cost
-        ``error grows by``, rows as of ``rate_percent``.
+    table : `domain_gap.table`
     """
-    fig, (left, right) = plt.subplots(1, 2, figsize=(7.6, 3.2), width_ratios=(1.4, 1))
-    for (light, m), rates in rate_percent.iterrows():
-        x, colour = list(LIGHTS).index(light) + SHIFTS[m], COLOUR[m]
-        low, high = rates["low-domain-gap"], rates["high-domain-gap"]
-        left.plot([x, x], [low, high], color=colour, lw=2, label=CAMERAS[m] if light == LIGHTS[0] else None)
-        left.plot(x, low, "o", color=colour)
-        left.plot(x, high, "o", color=colour, mfc="white")
-        right.plot(x, cost.loc[(light, m), "error grows by"], "o", color=colour)
-    for ax in (left, right):
-        ax.set_xticks(range(len(LIGHTS)), TITLES.values())
-    left.set(ylabel="images with a pose (%)", ylim=(None, 101))
-    left.legend(loc="lower left")
-    right.axhline(1, color=COLOUR["ink"], lw=0.8)
-    right.set(ylabel="median error, high over low gap", ylim=(0.9, None))
+    fig, axes = plt.subplots(1, len(MEASURES), figsize=(7.6, 2.9))
+    costs = table[(table.place == place) & (table.quantity == "cost of the gap")]
+    lights = [*LIGHTS, domain_gap.ALL_LIGHTS]
+    for ax, (measure, (title, scale)) in zip(axes, MEASURES.items(), strict=True):
+        for m, shift in SHIFTS.items():
+            cells = costs[(costs.measure == measure) & (costs.modality == m)].set_index("light").loc[lights]
+            at, seeds = np.arange(len(lights)) + shift, cells.filter(like="seed_")
+            for seed in seeds:
+                ax.plot(at, scale * seeds[seed], "x", ms=4, color=COLOUR[m], alpha=0.5)
+            ends = scale * cells[["value", "low", "high"]]
+            draw_intervals(ax, at, ends.value, ends.low, ends.high, COLOUR[m], CAMERAS[m])
+        ax.axhline(0, color=COLOUR["ink"], lw=0.8)
+        ax.set_xticks(range(len(lights)), lights)
+        ax.set(title=title, xlabel="light")
+    axes[0].set_ylabel("low gap minus high gap")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return fig
+
+
+def draw_sets(table: pd.DataFrame, place: str):
+    """Figure of each set of networks in a place, over all lights: one panel a measure, with intervals.
+
+    Parameters
+    ----------
+    table : `domain_gap.table`
+    """
+    fig, axes = plt.subplots(1, len(MEASURES), figsize=(7.6, 2.9))
+    shown = table[(table.place == place) & (table.light == domain_gap.ALL_LIGHTS)]
+    sets = [name for name in DOMAIN_GAPS if name in set(shown.quantity)]
+    for ax, (measure, (title, scale)) in zip(axes, MEASURES.items(), strict=True):
+        for m, shift in SHIFTS.items():
+            cells = shown[(shown.measure == measure) & (shown.modality == m)]
+            ends = scale * cells.set_index("quantity").loc[sets, ["value", "low", "high"]]
+            draw_intervals(ax, np.arange(len(ends)) + shift, ends.value, ends.low, ends.high, COLOUR[m],
+                           CAMERAS[m])  # fmt: skip
+        ax.set_xticks(range(len(sets)), sets)
+        ax.set(title=title, xlabel="set of networks", ylim=(0, None))
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return fig
+
+
+def cost_table(table: pd.DataFrame, place: str = "film") -> pd.DataFrame:
+    """What the gap costs frames and events and how much less events, with 95 % intervals in brackets: a row a
+    measure and light."""
+    columns = {**{m: CAMERAS[m] for m in domain_gap.CAMERAS}, domain_gap.EITHER: "frames less events"}
+    rows = {}
+    for measure, (title, scale) in MEASURES.items():
+        digits = 2 if scale == 1 else 0
+        for light in (*LIGHTS, domain_gap.ALL_LIGHTS):
+            cells = [domain_gap.cell(table, place, measure, light, m, "cost of the gap") for m in columns]
+            rows[title, light] = [in_words(cell, scale, digits) for cell in cells]
+    return pd.DataFrame(rows, index=columns.values()).T
+
+
+def in_words(cell: pd.Series, scale: float = 1.0, digits: int = 2) -> str:
+    """A cell of `domain_gap.table` with its interval: "0.10 (0.05 to 0.15)"."""
+    return with_ends(*(scale * cell[end] for end in ("value", "low", "high")), f".{digits}f")
+
+
+def lights_in_words(table: pd.DataFrame, place: str, measure: str) -> str:
+    """In which lights the gap costs events less than frames, as a sentence."""
+    cells = {light: domain_gap.cell(table, place, measure, light, domain_gap.EITHER, "cost of the gap")
+             for light in LIGHTS}  # fmt: skip
+    kinds = {
+        "events lose less than frames in {} light": [k for k, c in cells.items() if c["low"] > 0],
+        "they lose more in {} light": [k for k, c in cells.items() if c["high"] < 0],
+        "in {} light the difference may be chance": [
+            k for k, c in cells.items() if c["low"] <= 0 <= c["high"]
+        ],
+    }
+    return "; ".join(words.format(" and ".join(lights)) for words, lights in kinds.items() if lights)
 
 
 def draw_promise(promise: pd.DataFrame):

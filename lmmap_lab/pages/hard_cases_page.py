@@ -8,10 +8,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.settings import OURS
+
 from ..bench.event_sensor import SensorSettings
 from ..provenance import DATA
 from .drawings import COLOUR, draw_intervals
-from .tables import CAMERAS, LIGHTS, WORDS
+from .tables import CAMERAS, LIGHTS, WORDS, with_ends
 
 ERRORS = (  # metric, label, scale
     ("position_error_m", "position (mm)", 1e3), ("normal_error_deg", "normal (°)", 1.0),
@@ -67,8 +69,7 @@ def fusion_table(differences: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for row in differences.itertuples():
         scale = 1e3 if row.metric == "position_error_m" else 1.0
-        value, lower, upper = scale * np.array([row.difference, row.low, row.high])
-        text = f"{value:+.2f} ({lower:+.2f} to {upper:+.2f})"
+        text = with_ends(*(scale * np.array([row.difference, row.low, row.high])), "+.2f")
         rows.append((LIGHTS[row.light], WORDS[row.metric, "median"], CAMERAS[row.better], text))
     columns = ["light", "median error", "better camera", "fused minus better"]
     return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
@@ -96,15 +97,23 @@ def draw_fused(cells: pd.DataFrame):
     return fig
 
 
-def crossing(x, y, level: float) -> float:
-    """Where a curve through ``x, y`` (N,), ``x`` rising, first falls to a level; NaN if it never does."""
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    below = np.flatnonzero(y <= level)
-    if not len(below) or below[0] == 0:
-        return np.nan
-    k = below[0]
-    share = (y[k - 1] - level) / (y[k - 1] - y[k])
-    return float(x[k - 1] + share * (x[k] - x[k - 1]))
+def slow_shares(counts: pd.DataFrame, bench: pd.DataFrame) -> pd.DataFrame:
+    """Slow motion's histograms by set of networks: with an ellipse, a pose, a right and a wrong one, percent.
+
+    Parameters
+    ----------
+    counts : the study's ``images, ellipses, poses`` by ``sequence`` and ``modality``, of the low-gap networks
+    bench : rows of the study `noise`, of the default networks
+    """
+    low = counts[(counts.sequence == "hard-slow") & (counts.modality == "event")].iloc[0]
+    own = bench[bench.shot_hz == SensorSettings().shot_hz].iloc[0]
+    rows = {
+        "low gap": [low.images, *(100 * low[["ellipses", "poses"]] / low.images), np.nan, np.nan],
+        f"default ({OURS.weights})": [own.images, own.ellipse_percent, 100 - own.none_percent,
+                                      own.right_percent, own.wrong_percent],
+    }  # fmt: skip
+    columns = ["histograms", "an ellipse (%)", "a pose (%)", "a right pose (%)", "a wrong pose (%)"]
+    return pd.DataFrame(rows, index=columns).T.astype({"histograms": int})
 
 
 def draw_noise(ax, bench: pd.DataFrame, paper_percent: float) -> None:

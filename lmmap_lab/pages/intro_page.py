@@ -14,6 +14,7 @@ from lmmap.types import Camera, Ellipse, Recording
 from .drawings import COLOUR, draw_ellipse, draw_estimate, show_image
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
+REPRODUCE_MINUTES = 12  # of `make reproduce` on two cores, without the installation; README says the same
 # what a step does, what it gives, and its colour: see `draw_flow`
 FLOW = (
     ("frame, or\n35 000 events", "image", "ink"), ("ring filter\n(CNN)", "mask", "event"),

@@ -94,10 +94,11 @@ def _digits(value):
 
 def _chapter_items(path: Path) -> dict[str, dict]:
     """Items of a chapter: its glued numbers together, and each of its figures."""
-    glued = json.loads(path.with_suffix(".glue.json").read_text())
+    file = path.with_suffix(".glue.json")  # which a chapter that glues nothing has not
+    glued = json.loads(file.read_text()) if file.exists() else {}
     texts = {name: output["data"].get("text/plain", "") for name, output in sorted(glued.items())}
     numbers = {name: _number_or_text(text) for name, text in texts.items()}
-    items = {f"{path.stem}, numbers": _item(json.dumps(texts).encode(), numbers)}
+    items = {f"{path.stem}, numbers": _item(json.dumps(texts).encode(), numbers)} if numbers else {}
     cells = json.loads(path.read_text())["cells"]
     outputs = [output.get("data", {}) for cell in cells for output in cell.get("outputs", [])]
     pictures = [base64.b64decode(data["image/png"]) for data in outputs if "image/png" in data]

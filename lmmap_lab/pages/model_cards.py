@@ -20,10 +20,10 @@ from ..provenance import DATA
 from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import filters_page
-from .drawings import COLOUR
-from .tables import CAMERAS, LIGHTS
+from .tables import CAMERAS, LIGHTS, shares_with_ends
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
+ENOUGH = 10  # images, to say where a set is weakest
 LENSES = {  # for the range of distances
     "DAVIS 346, 6 mm": Camera.davis346(),
     "focal length 225 px": Camera(240, 180, 225.0, 225.0, 119.5, 89.5),
@@ -67,54 +67,45 @@ def of_networks(table: str) -> str:
 
 def tests(domain_gap: str) -> pd.DataFrame:
     """Right, wrong and missing poses of a set, by place, camera and light; empty where none were measured."""
-    table = pd.read_csv(DATA / "results" / "wrong-poses.csv")
-    chosen = table[(table.weights == domain_gap) & (table.estimator != "every pose")]
+    if domain_gap == "light":
+        table = pd.read_csv(DATA / "results" / "light.csv").query("light != 'all'")
+    else:
+        table = pd.read_csv(DATA / "results" / "wrong-poses.csv").query("estimator != 'every pose'")
+    chosen = table[table.weights == domain_gap]
     chosen = chosen[chosen.set.str.endswith(("held out", "judged once"))]
     return pd.DataFrame({
-        "place": chosen.set.str.removesuffix(", held out"), "camera": chosen.modality.map(CAMERAS),
+        "place": chosen.set.str.removesuffix(", held out").str.replace("other laboratory", "second scene"),
+        "camera": chosen.modality.map(CAMERAS),
         "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
         "no pose (%)": chosen.none_percent, "images": chosen.images,
     })  # fmt: skip
 
 
 def hardest(domain_gap: str) -> tuple[str, float]:
-    """Of the `tests` of a set, where the most images have no pose, in words, and in how many percent."""
-    table = tests(domain_gap)
+    """Of the `tests` of a set that have `ENOUGH` images, where the most of these have no pose, in words, and
+    in how many percent."""
+    table = tests(domain_gap).query("images >= @ENOUGH")
     row = table.loc[table["no pose (%)"].idxmax()]
     place = row.place.removesuffix(", judged once")
     return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
 
 
-def equal_training() -> pd.DataFrame:
-    """Rings by networks whose trainings were equal: a row for each camera and light, with the mean over the
-    seeds, and in brackets the least and the most."""
-    table = pd.read_csv(DATA / "results" / "equal-training.csv")
-    groups = table.groupby(["modality", "light", "domain_gap"], sort=False)
-    columns = {}
-    for name, title in (("right_percent", "right (%)"), ("wrong_percent", "wrong (%)"), ("iou", "IoU")):
-        digits = 2 if name == "iou" else 0
-        texts = groups[name].agg(lambda v, d=digits: f"{v.mean():.{d}f} ({v.min():.{d}f} to {v.max():.{d}f})")
-        wide = texts.unstack("domain_gap")
-        columns |= {(title, f"{gap} gap"): wide[gap] for gap in ("low", "high")}
-    rows = pd.DataFrame(columns).loc[list(product(CHANNELS, LIGHTS))]
-    return rows.rename(index={**CAMERAS, **LIGHTS}).rename_axis([None, None])
+def beside(place: str) -> pd.DataFrame:
+    """Rows of data/results/light.csv, of `light` and the default set, on one set of sequences."""
+    return pd.read_csv(DATA / "results" / "light.csv").query("set == @place")
 
 
-def draw_equal_training(table: pd.DataFrame):
-    """Figure of the rings right by light, one panel a camera: filled with the low gap's training, open with
-    the high gap's, a dot for each seed."""
-    fig, axes = plt.subplots(1, len(CHANNELS), figsize=(7.6, 2.8), sharey=True)
-    for ax, modality in zip(axes, CHANNELS, strict=True):
-        for shift, gap in ((-0.12, "low"), (0.12, "high")):
-            cells = table[(table.modality == modality) & (table.domain_gap == gap)]
-            at = cells.light.map(list(LIGHTS).index) + shift
-            face = COLOUR[modality] if gap == "low" else "none"
-            ax.scatter(at, cells.right_percent, 30, facecolors=face, edgecolors=COLOUR[modality],
-                       label=f"{gap} gap")  # fmt: skip
-        ax.set(title=CAMERAS[modality], ylabel="rings right (%)", ylim=(-3, 103))
-        ax.set_xticks(range(len(LIGHTS)), LIGHTS.values())
-        ax.legend(loc="lower left")
-    return fig
+def beside_default() -> pd.DataFrame:
+    """Texts on the tuning sequences by camera and light: right and wrong poses of `light` and of the default
+    set, and how many more are right with `light`; in brackets 95 % intervals."""
+    rows = beside("tuning").set_index(["modality", "light"]).loc[list(product(CHANNELS, (*LIGHTS, "all")))]
+    of = {name: rows[rows.weights == name] for name in ("light", OURS.weights)}
+    columns = {("right (%)", name): shares_with_ends(own, "right", ".1f") for name, own in of.items()}
+    columns["right (%)", "difference"] = shares_with_ends(of["light"], "more_right", ".1f")
+    columns |= {("wrong (%)", name): shares_with_ends(own, "wrong", ".1f") for name, own in of.items()}
+    columns["images", ""] = of["light"].images.astype(str)
+    words = {**CAMERAS, **LIGHTS, "all": "all lights"}
+    return pd.DataFrame(columns).rename(index=words).rename_axis([None, None])
 
 
 def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:

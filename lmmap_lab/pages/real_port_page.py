@@ -26,11 +26,12 @@ def draw_outlines(outlines: Mapping[str, dict], titles: Mapping[str, str]):
     outlines
         By picture, as tuning/judge_pictures.py writes them.
     """
-    size = (7.6, 7.6 / len(titles) * len(DOMAIN_GAPS) + 0.4)
-    fig, axes = plt.subplots(len(DOMAIN_GAPS), len(titles), figsize=size, squeeze=False)
+    gaps = [gap for gap in DOMAIN_GAPS if gap in outlines[next(iter(titles))]]
+    size = (7.6, 7.6 / len(titles) * len(gaps) + 0.4)
+    fig, axes = plt.subplots(len(gaps), len(titles), figsize=size, squeeze=False)
     for column, (name, title) in zip(axes.T, titles.items(), strict=True):
         outer = _ellipse(outlines[name]["outer"])
-        for ax, gap in zip(column, DOMAIN_GAPS, strict=True):
+        for ax, gap in zip(column, gaps, strict=True):
             _draw(ax, outlines[name][gap], outer)
             ax.set_title(f"{title}\n{gap}" if ax is column[0] else gap, fontsize=8)
     return fig
@@ -67,7 +68,8 @@ def found_table(pictures: pd.DataFrame, what: pd.DataFrame) -> pd.DataFrame:
     """
     visible = pictures.groupby("picture").major_ratio.apply(lambda ratio: ratio.notna().any())
     texts = pictures.assign(text=[_said(row) for row in pictures.itertuples()])
-    table = texts.pivot(index="picture", columns="filters", values="text")[list(DOMAIN_GAPS)]
+    table = texts.pivot(index="picture", columns="filters", values="text")
+    table = table[[gap for gap in DOMAIN_GAPS if gap in table]]
     order = visible.sort_values(ascending=False, kind="stable").index
     return table.loc[order].rename(index=what.what).rename_axis(index=None, columns=None)
 

@@ -97,6 +97,18 @@ def _three_digits(value: float) -> str:
     return f"{value:.3g}" if value < 100 else f"{value:.0f}"
 
 
+def with_ends(value: float, low: float, high: float, form: str = ".0f") -> str:
+    """A number with the ends of its interval, each in a format: "90 (85 to 94)"."""
+    return f"{value:{form}} ({low:{form}} to {high:{form}})"
+
+
+def shares_with_ends(rows: pd.DataFrame, what: str, form: str = ".0f") -> pd.Series:
+    """`with_ends` of the columns ``WHAT_percent, WHAT_low, WHAT_high`` of each row."""
+    return rows[[f"{what}_{end}" for end in ("percent", "low", "high")]].agg(
+        lambda row: with_ends(*row, form), axis=1
+    )
+
+
 def small_intervals(table: pd.DataFrame):
     """A styled table of texts; what a text has in brackets stands in small letters under it."""
     return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))

@@ -6,6 +6,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.settings import MODALITIES, OURS
+from lmmap.types import Camera, Port
+
+from ..studies import formula, tolerances
 from ..studies.ladder import RUNGS
 from .drawings import COLOUR
 from .tables import CAMERAS
@@ -15,6 +19,8 @@ PANELS = (  # metric, statistic, scale, title
     ("position_error_m", "median", 1e3, "position, median error (mm)"),
     ("wrong_percent", "in_fov", 1.0, "wrong poses (%)"),
 )
+STYLES = {"as printed": "o-", "exact circle": "s--", "confident": "^-.", "fused": "d:"}  # by rung
+FLOOR = 5e-3  # percent, of the logarithmic axis
 
 
 def means(rungs: pd.DataFrame, gap: str) -> pd.DataFrame:
@@ -27,11 +33,45 @@ def means(rungs: pd.DataFrame, gap: str) -> pd.DataFrame:
     return pd.DataFrame(columns).loc[list(RUNGS)]
 
 
-def draw(rungs: pd.DataFrame, gap: str = "low"):
+def readings_deg() -> dict[str, float]:
+    """Median error of the normal (deg) by each other reading of the printed formula: without noise, over the
+    bench's test poses."""
+    camera, port = Camera.davis346(), Port.lm_map()
+    T = formula.bench_poses(camera, port)
+    medians = formula.medians_by_tilt(T, camera, port.ring_radius_m).loc["all"]
+    return medians.drop("printed").to_dict()
+
+
+def draw_tolerances(table: pd.DataFrame):
+    """Figure of wrong poses over the limit of the normal, a line a rung and camera: means over the lights.
+
+    Parameters
+    ----------
+    table
+        `tolerances.table` of one set of networks, by ``light`` and ``modality``.
+    """
+    shown = table[table.limits == tolerances.ALL]
+    shares = shown.groupby(["rung", "modality", "normal_deg"]).wrong_percent.mean()
+    fig, ax = plt.subplots(figsize=(6.4, 3.4))
+    for rung, style in STYLES.items():
+        for m in MODALITIES if rung != "fused" else MODALITIES[:1]:  # one track, which stands in both columns
+            line, fused = shares[rung, m], rung == "fused"
+            ax.semilogy(line.index, line.clip(lower=FLOOR), style, color=COLOUR["ink" if fused else m], ms=4,
+                        label=rung if fused else f"{rung}, {CAMERAS[m]}")  # fmt: skip
+    ax.axvline(np.rad2deg(OURS.right_normal_rad), color=COLOUR["ink"], lw=0.8)
+    ax.set(xlabel="limit of the normal (°)", ylabel="wrong poses (%)", ylim=(FLOOR, 130))
+    ax.set_yticks((0.01, 0.1, 1, 10, 100), ("0.01", "0.1", "1", "10", "100"))
+    fig.legend(fontsize=7, ncols=4, loc="outside lower center")
+    return fig
+
+
+def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | None = None):
     """Draw the ladder of a domain gap as a waterfall: a pair of bars a rung, frames over events.
 
-    A bar's pale end is what the change of that rung takes away.
+    A bar's pale end is what the change of that rung takes away.  Faint marks across the first row's normals
+    are other ``readings`` of the formula, by default `readings_deg`.
     """
+    readings = readings_deg() if readings is None else readings
     table, at = means(rungs, gap), np.arange(len(RUNGS))
     fig, axes = plt.subplots(1, len(PANELS), figsize=(7.6, 4.4), sharey=True)
     for ax, title in zip(axes, table, strict=True):
@@ -45,6 +85,9 @@ def draw(rungs: pd.DataFrame, gap: str = "low"):
                 ax.text(value, y, f" {value:.1f}", va="center", fontsize=7)
         ax.set(xlabel=title, xlim=(0, 1.2 * np.nanmax(values.to_numpy())))
         ax.grid(axis="y", visible=False)
+    for name, deg in readings.items():
+        axes[0].plot([deg, deg], [-0.45, 0.45], color=COLOUR["paper"], lw=1.2, alpha=0.6)
+        axes[0].annotate(name, (deg, -0.5), rotation=35, fontsize=6, color=COLOUR["paper"])
     axes[0].set_yticks(at, list(RUNGS))
     axes[0].invert_yaxis()
     axes[-1].legend(loc="lower right")

@@ -38,7 +38,8 @@ RESULT_SOURCES = (
 )  # fmt: skip
 TRAJECTORIES = {"quick": 1, "paper": 3}  # test trajectories, each under every light
 WEIGHTS = {  # sets of networks by kind of sequence: the paper's two, and ours where poses may not be wrong
-    "test": (*DOMAIN_GAPS, OURS.weights), "hard": ("low",), "empty": ("low", OURS.weights),
+    "test": (*DOMAIN_GAPS, OURS.weights, "light"), "hard": ("low",),
+    "empty": ("low", OURS.weights, "light"),
 }  # fmt: skip
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which divide the profile's seconds among them
 COMMITTED = DATA / "results" / "accuracy"  # the paper profile's tables

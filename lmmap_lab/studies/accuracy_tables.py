@@ -11,7 +11,7 @@ from lmmap.evaluation import error_table
 from lmmap.settings import MODALITIES, OURS
 
 from ..training.mask_quality import medians
-from . import error_statistics, ladder, reliability, table1
+from . import error_statistics, ladder, reliability, table1, tolerances
 from .right_and_wrong import by_limit, right_and_wrong
 from .table1 import DOMAIN_GAPS, TRACKS
 
@@ -44,17 +44,18 @@ def tables(
     counts = pd.concat(pd.read_csv(folder / f"counts-{name}.csv") for name in names)
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
-        "default": default_networks(folder, tests, counts[counts.weights == OURS.weights], draws),
+        "default": of_networks(folder, tests, counts, OURS.weights, draws),
+        "light": of_networks(folder, tests, counts, "light", draws),
         **_default_confidence(folder, tests),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
         "filters": medians(pd.concat(fits)),
     }
 
 
-def default_networks(
-    folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame, draws: int = DRAWS
+def of_networks(
+    folder: Path, tests: dict[str, list[str]], counts: pd.DataFrame, weights: str, draws: int = DRAWS
 ) -> pd.DataFrame:
-    """What the default networks do: a row for each track in each light, and on images without a port.
+    """What a set of networks does: a row for each track in each light, and on images without a port.
 
     Returns
     -------
@@ -65,12 +66,13 @@ def default_networks(
     """
     rows = []
     for (light, names), track in product(tests.items(), TRACKS):
-        errors = _errors(folder, names, track, OURS.weights)
+        errors = _errors(folder, names, track, weights)
         answers = right_and_wrong(errors).query("estimator == 'ours'").drop(columns="estimator").iloc[0]
         medians = pd.concat(errors)[list(error_table.METRICS)].median()
         inside = error_statistics.coverage(errors, draws, SEED)["inside_95_percent"]
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
-    empty = counts[counts.sequence.str.startswith("empty")].groupby("modality")[["images", "poses"]].sum()
+    empty = counts[counts.sequence.str.startswith("empty") & (counts.weights == weights)]
+    empty = empty.groupby("modality")[["images", "poses"]].sum()
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 
 
@@ -114,17 +116,17 @@ def _error_tables(folder: Path, names: list[str], light: str, gap: str, draws: i
         for name, parts in by_modality.items()
     }
     tables["fusion"] = error_statistics.against_better(errors, draws, SEED)
-    tables["ladder"] = pd.concat(_ladder(folder, names, m, gap, errors, draws) for m in MODALITIES)
+    measured = {
+        m: [pd.read_csv(folder / f"ladder-{label(name, m, gap)}.csv") for name in names] for m in MODALITIES
+    }
+    tracked = {m: {"confident": errors[m], "fused": errors["fused"]} for m in MODALITIES}
+    tables["ladder"] = pd.concat(
+        ladder.summary(measured[m], *tracked[m].values(), draws, SEED).assign(modality=m) for m in MODALITIES
+    )
+    tables["tolerances"] = pd.concat(
+        tolerances.table(measured[m], tracked[m]).assign(modality=m) for m in MODALITIES
+    )
     return {name: t.assign(light=light, training=f"{gap}-domain-gap") for name, t in tables.items()}
-
-
-def _ladder(
-    folder: Path, names: list[str], modality: str, gap: str, errors: dict, draws: int
-) -> pd.DataFrame:
-    """Every rung's cells of one modality."""
-    measured = [pd.read_csv(folder / f"ladder-{label(name, modality, gap)}.csv") for name in names]
-    cells = ladder.summary(measured, errors[modality], errors["fused"], draws, SEED)
-    return cells.assign(modality=modality)
 
 
 def _by_sequence(names: list[str], errors: list[pd.DataFrame]) -> pd.DataFrame:

@@ -2,7 +2,8 @@
 
 The networks know how wide the ring's stroke is in pixels, which a picture from somewhere shows at any width.
 Each look resamples the whole picture as if it came through another lens.  The look with the most confident
-pose counts, or without any the one in whose mask the ellipse stands out most.  Its distance is as wrong as the assumed focal length; the ellipse is not.
+pose counts, or without any the one in whose mask the ellipse stands out most.  Its distance is as wrong as
+the assumed focal length; the ellipse is not.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.projection import project
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import Mask
@@ -33,6 +35,7 @@ class Look(NamedTuple):
     image: np.ndarray
     ring_mask: np.ndarray
     estimate: Estimate
+    ring: Ellipse | None  # of the pose, or without one the mask's
     contrast: float  # of the mask along the ellipse to that beside it; minus infinity without an ellipse
 
     @property
@@ -41,8 +44,8 @@ class Look(NamedTuple):
         return 0.0 if self.estimate.T_cam_port is None else self.estimate.confidence
 
     def ellipse_in(self, size_px) -> Ellipse | None:
-        """The ellipse in the pixels of the picture of that size (width, height)."""
-        if (e := self.estimate.ellipse) is None:
+        """The ring in the pixels of the picture of that size (width, height)."""
+        if (e := self.ring) is None:
             return None
         scale = size_px[0] / self.camera.width_px
         return Ellipse((e.centre_px + 0.5) * scale - 0.5, e.semi_axes_px * scale, e.angle_rad)
@@ -55,7 +58,7 @@ def looks(picture: np.ndarray, modality: str, networks: tuple[Mask, Mask], setti
     Of modality ``"event"`` a pixel's grey value stands for a count, white for as many as the networks tell
     apart.  ``networks`` are those of the ring and of the reflectors.
     """
-    ring_network, reflector_network = networks
+    port, (ring_network, reflector_network) = port or Port.lm_map(), networks
     height, width = picture.shape[:2]
     for look_px in [w for w in widths_px if w <= MAX_ENLARGEMENT * width] or [min(widths_px)]:
         size_px = look_px, max(round(height * look_px / width), 1)
@@ -72,7 +75,8 @@ def looks(picture: np.ndarray, modality: str, networks: tuple[Mask, Mask], setti
         if (e := estimate.ellipse) is not None:
             alone = Ellipse(e.centre_px[None], e.semi_axes_px[None], np.array([e.angle_rad]))
             stands_out = float(contrast(alone, mask, camera)[0])
-        yield Look(camera, image, mask, estimate, stands_out)
+        ring = e if estimate.found is None else circle_ellipse(estimate.found, port.ring_radius_m, camera)
+        yield Look(camera, image, mask, estimate, ring, stands_out)
 
 
 def _same(mask: np.ndarray, _image) -> np.ndarray:

@@ -72,6 +72,17 @@ def success(recording: Recording, estimator: Estimator) -> dict[str, float]:
     return {"ellipse_percent": 100 * np.mean([e.ellipse is not None for e in estimates]), **answers}
 
 
+def crossing(x, y, level: float) -> float:
+    """Where a curve through ``x, y`` (N,), ``x`` rising, first falls to a level; NaN if it never does."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    below = np.flatnonzero(y <= level)
+    if not len(below) or below[0] == 0:
+        return np.nan
+    k = below[0]
+    share = (y[k - 1] - level) / (y[k - 1] - y[k])
+    return float(x[k - 1] + share * (x[k] - x[k - 1]))
+
+
 def of_the_bench(report=print) -> pd.DataFrame:
     """A row for each rate of `SHOT_HZ`: the noise of still pixels, and `success`."""
     rows, estimator = [], Estimator(modality="event")

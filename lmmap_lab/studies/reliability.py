@@ -73,8 +73,12 @@ def pooled(table: pd.DataFrame) -> pd.DataFrame:
 def share_intervals(table: pd.DataFrame) -> np.ndarray:
     """Ends (N, 2) of the 95 % interval of each bin's share of right poses (Wilson 1927)."""
     counts = np.rint(table.right * table.poses).astype(int)
-    tests = (binomtest(int(k), int(n)) for k, n in zip(counts, table.poses, strict=True))
-    return np.array([test.proportion_ci(method="wilson") for test in tests])
+    return np.array([share_interval(*of_bin) for of_bin in zip(counts, table.poses, strict=True)])
+
+
+def share_interval(count: int, total: int) -> tuple[float, float]:
+    """Ends of the 95 % interval of a share (Wilson 1927)."""
+    return tuple(binomtest(int(count), int(total)).proportion_ci(method="wilson"))
 
 
 def joined(errors: Sequence[pd.DataFrame], confidences: Sequence[pd.DataFrame]) -> pd.DataFrame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pandas as pd
 
@@ -11,18 +13,29 @@ HOLDS, PARTLY, FAILS = "holds", "partly", "does not hold"
 UNTESTED, NOT_RUN = "cannot be tested here", "not run"
 TRIED = "future work, tried"  # of a proposal of the paper, which claims no result
 ESTIMATORS = {"as_printed": "as printed", "printed": "printed formula", "ours": "ours"}
-COLUMNS = ["claim", "paper", *ESTIMATORS, *(f"{e}_verdict" for e in ESTIMATORS), "decides", "verdict", "why"]
+COLUMNS = ["key", "part", "claim", "numbers", "paper", *ESTIMATORS, *(f"{e}_verdict" for e in ESTIMATORS),
+           "decides", "verdict", "why"]  # fmt: skip
 
 
-def row(claim: str, paper: str, cells: dict, why: str, decides: str = "as_printed") -> dict:
+def row(key: str, paper: str, cells: dict, why: str, decides: str = "as_printed") -> dict:
     """A row from ``(numbers, verdict)`` by estimator; where the paper's procedure was not run, its formula on
-    our ellipses decides in its place, and else ours."""
+    our ellipses decides in its place, and else ours.
+
+    Parameters
+    ----------
+    key
+        Of `paper_claims`: whose words these are, and whether they tell what was ``observed``, its ``cause``
+        or something ``of the method``.
+    paper : its numbers
+    why : the rule, which is ours
+    """
     cells = {e: cells.get(e, (NOT_RUN, NOT_RUN)) for e in ESTIMATORS}
     decides = next(e for e in (decides, "printed", "ours") if cells[e][1] != NOT_RUN)
     verdicts = {f"{e}_verdict": verdict for e, (_, verdict) in cells.items()}
     numbers = {e: text for e, (text, _) in cells.items()}
     return {
-        "claim": claim,
+        "key": key,
+        **paper_claims().loc[key],
         "paper": paper,
         **numbers,
         **verdicts,
@@ -30,6 +43,15 @@ def row(claim: str, paper: str, cells: dict, why: str, decides: str = "as_printe
         "verdict": verdicts[f"{decides}_verdict"],
         "why": why,
     }
+
+
+@cache
+def paper_claims() -> pd.DataFrame:
+    """The paper's claims in its own words by ``key``: ``part``, ``claim``, and what its ``numbers`` are.
+
+    Words in square brackets are ours.
+    """
+    return pd.read_csv(DATA / "paper" / "claims.csv").set_index("key")
 
 
 def verdict(holds) -> str:

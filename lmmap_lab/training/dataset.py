@@ -160,7 +160,7 @@ def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SEC
         return folder / name
     if varied.NAME.fullmatch(name):
         port = varied.draw_port(varied.base_sequence(name))
-        samples = sample_recording(varied.record_varied(name), min(count, VARIED_SAMPLES), port)
+        samples = sample_recording(varied.record_varied(name, port=port), min(count, VARIED_SAMPLES), port)
         return write_samples(folder / name, samples, fingerprint(patterns=VARIED_BENCH))
     recording = sequences.simulate(name, seconds)
     return write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))

@@ -94,7 +94,7 @@ def filter_quality(recording: Recording, domain_gaps=("low",), modalities=("rgb"
     for modality in modalities:
         nets = {(gap, name): load_network(weight_path(name, modality, gap), modality, precision)
                 for gap in domain_gaps for name in FILTERS}  # fmt: skip
-        for t_us, image, pose in _images_in_view(recording, modality, port, settings, most):
+        for t_us, image, pose in images_in_view(recording, modality, port, settings, most):
             truth = dict(zip(FILTERS, labels.label_masks(pose, port, recording.camera, rays), strict=True))
             lines = dict(zip(FILTERS, middle_lines_px(pose, port, recording.camera), strict=True))
             for (gap, name), net in nets.items():
@@ -116,7 +116,7 @@ def _markers_box(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
     return np.outer((v >= lower[1]) & (v <= upper[1]), (u >= lower[0]) & (u <= upper[0]))
 
 
-def _images_in_view(recording, modality, port, settings, most) -> list:
+def images_in_view(recording, modality, port, settings, most) -> list:
     """``(t_us, image, true pose)`` of images in which the whole ring is in view."""
     times_us = np.array([t_us for t_us, _ in images(recording, modality, settings)], np.int64)
     times_us = times_us[recording.truth.covers(times_us)]

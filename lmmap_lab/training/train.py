@@ -84,10 +84,11 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
                          for part in dataset.split(names))  # fmt: skip
     prior, device = samples.positive_share(), device or ("cuda" if torch.cuda.is_available() else "cpu")
     tune_allocator()
-    net, run = untrained(recipe, prior), recipe.name
     if network:
         torch.manual_seed(recipe.seed)
-        net, run = network(CHANNELS[recipe.modality], prior), f"{run}-{network.__name__}"
+        net, run = network(CHANNELS[recipe.modality], prior), f"{recipe.name}-{network.__name__}"
+    else:
+        net, run = untrained(recipe, prior), recipe.name
     if recipe.start_from:  # another start is another run
         run += f"-from-{load_card(shipped(recipe, recipe.start_from))['sha256'][:8]}"
     net, teacher = net.to(device, memory_format=torch.channels_last), teacher_of(recipe, device)

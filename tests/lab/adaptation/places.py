@@ -14,7 +14,7 @@ START = pose((88, 66), 0.75, 0.4, 0.8, 0.3, camera=CAMERA)
 STEP = np.array([0.0016, 0.0008, -0.004, 0.006, -0.008, 0.01])
 DECOY = pose((30, 40), 1.3, 0.2, camera=CAMERA)  # a port of another size, which stands still
 FRAMES, STEP_US = 24, 50_000
-HARD, GLARE, GAIN = 3, 2.1, 75.0  # every so many images; how bright, and grey levels, of a ring's light
+HARD, GLARE, GAIN = 2, 2.4, 75.0  # every so many images; how bright, and grey levels, of a ring's light
 
 
 def true_poses() -> Pose:

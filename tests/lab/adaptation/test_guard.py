@@ -9,6 +9,7 @@ from strategies import CAMERA, moved
 
 from lmmap.pipeline.estimator import Estimator
 from lmmap_lab.adaptation.guard import Guard
+from lmmap_lab.adaptation.smooth_track import SmoothTrack
 
 ESTIMATOR = Estimator(CAMERA, weights=(None, None))
 LIMIT = max(ESTIMATOR.settings.min_confidence.rgb, ESTIMATOR.settings.min_confidence.event)
@@ -25,7 +26,8 @@ def estimates(found, wrong=(), confidence=0.97) -> list:
 
 
 def guard_of(seen) -> Guard:
-    return Guard(seen, IS_KEPT, moving.told(seen), ESTIMATOR)
+    track = SmoothTrack(moving.told(seen), ESTIMATOR.port.yaw_period_rad)
+    return Guard(seen, IS_KEPT, track, ESTIMATOR)
 
 
 EVERY_OTHER = guard_of(estimates(set(range(0, COUNT, 2))))

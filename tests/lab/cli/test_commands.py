@@ -12,6 +12,7 @@ import tomllib
 
 from lmmap.cli import arguments, main, plugins
 from lmmap.pipeline.weights import FILTERS
+from lmmap_lab.adaptation import learning
 from lmmap_lab.bench import laboratory
 from lmmap_lab.bench.writers import WRITERS
 from lmmap_lab.cli import arguments as words
@@ -49,6 +50,7 @@ def test_truths_are_functions_that_exist():
 def test_choices_are_those_of_the_modules_that_own_them():
     assert tuple(FILTERS) == words.FILTERS
     assert tuple(laboratory.SECONDS) == words.PROFILES and tuple(WRITERS) == words.WRITTEN
+    assert learning.STEPS == words.ADAPT_STEPS
 
 
 def test_help_does_not_wait_for_the_heavy_imports():

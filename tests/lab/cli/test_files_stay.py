@@ -62,6 +62,7 @@ STUDIES = {
     "reproduce": ("--profile", "quick"),
     "check": (),
     "completion": ("bash",),
+    "adapt": (MINI, "--modality", "rgb", "--steps", "1", "-o", "{}/networks"),
 }
 
 
@@ -84,7 +85,7 @@ def test_studies_change_no_file_that_they_were_not_told_to_write(name, tmp_path,
     files = subprocess.run(["git", "ls-files", "-z"], capture_output=True, cwd=ROOT, text=True).stdout
     files = [ROOT / name for name in files.split("\0") if name and (ROOT / name).is_file()]
     before, inputs = hashes(files), attacks.digests(tmp_path)
-    code, _, err = lmmap(name, *(a.format(tmp_path) for a in STUDIES[name]))
+    code, _, err = lmmap(name, *(str(a).format(tmp_path) for a in STUDIES[name]))
     assert code == 0 or (name == "check" and len(err.splitlines()) == 1), err
     assert hashes(files) == before
     assert inputs.items() <= attacks.digests(tmp_path).items()

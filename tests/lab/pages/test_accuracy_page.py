@@ -53,6 +53,10 @@ def test_the_default_networks_table_has_the_lights_and_no_image_without_a_port()
     table = accuracy_page.default_table(pd.DataFrame(rows, columns=names)).data
     assert table.index.tolist() == [("high light", "events")]
     assert table.iloc[0].tolist() == [90, 1, 9, 1.5, 0.5, 94]
+    other = pd.DataFrame([("high", "event", 80, 2, 18, 60, 0.002, 0.5, 0.7, 94)], columns=names)
+    both = accuracy_page.sets_table({"a": pd.DataFrame(rows, columns=names), "b": other}).data
+    assert both.loc["high light", "events"].tolist() == [90, 80, 1, 2, 1.5, 2.0]
+    assert both["wrong (%)"].columns.tolist() == ["a", "b"]
 
 
 def test_coverage_by_hand():
@@ -73,11 +77,13 @@ def test_saturation_stands_beside_the_papers():
 
 def test_claims_lose_no_column():
     cells = {"printed": ("3; 4", "partly"), "ours": ("5; 6", "holds")}
-    claims = pd.DataFrame([row("It is so: a | b in low; high", "1 | 2", cells, "a `rule`", decides="ours")])
+    claims = pd.DataFrame([row("not_hdr", "1 | 2", cells, "a `rule`", decides="ours")])
     page = tables.to_html(accuracy_page.claims_table(claims))
     parts = (
-        "It is so: a and b in low, high",
-        "a <code>rule</code>",
+        "This rejects the HDR difference hypothesis",
+        "Numbers: position, median",
+        "Holds if: a <code>rule</code>",
+        "cause",
         "1 | 2",
         "partly<br><small>3; 4",
         "<b>holds</b><br><small>5; 6",

@@ -8,6 +8,7 @@ import pytest
 
 from lmmap.settings import MODALITIES
 from lmmap_lab.pages import gap_page
+from lmmap_lab.studies import domain_gap
 from lmmap_lab.studies.table1 import LIGHTS
 
 
@@ -35,15 +36,34 @@ def test_both_gaps_stand_beside_the_paper_in_millimetres_and_percent(gap):
     assert set(axes[1, 1].containers[0].lines[0].get_ydata()) == {7.0}
 
 
-def test_the_cost_of_a_gap_is_a_line_from_the_low_to_the_high_gap():
-    index = pd.MultiIndex.from_product([LIGHTS, MODALITIES])
-    rate = pd.DataFrame({"low-domain-gap": 90.0, "high-domain-gap": np.arange(6.0)}, index)
-    cost = pd.DataFrame({"error grows by": np.arange(6.0) + 1}, index)
-    left, right = gap_page.draw_gap_cost(rate, cost).axes
-    spans = [line.get_ydata() for line in left.lines if len(line.get_ydata()) == 2]
-    assert np.array_equal(spans, [(90, k) for k in range(6)])
-    assert [text.get_text() for text in left.get_legend().get_texts()] == ["frames", "events"]
-    assert [line.get_ydata()[0] for line in right.lines[:6]] == [1, 2, 3, 4, 5, 6]
+@pytest.fixture
+def costs():
+    """Frames lose 0.2 in each light and events 0.1; both sets and *robust* are there."""
+    images = pd.DataFrame([
+        {"place": "film", "light": light, "sequence": f"{light}{k}", "modality": m, "set": name, "seed": seed,
+         **dict.fromkeys(domain_gap.MEASURES, 0.9 - (name == "high") * {"rgb": 0.2, "event": 0.1}[m])}
+        for light in LIGHTS for k in range(4) for m in MODALITIES for name in ("high", "low", "robust")
+        for seed in range(1 if name == "robust" else 3)
+    ])  # fmt: skip
+    return domain_gap.table(images, 50)
+
+
+def test_the_cost_of_a_gap_stands_by_light_camera_and_seed(costs):
+    for ax, (_, scale) in zip(gap_page.draw_costs(costs).axes, gap_page.MEASURES.values(), strict=True):
+        frames, events = (bar.lines[0].get_ydata().astype(float) for bar in ax.containers)
+        np.testing.assert_allclose(frames, 0.2 * scale)
+        np.testing.assert_allclose(events, 0.1 * scale)
+        assert len([line for line in ax.lines if line.get_marker() == "x"]) == 2 * 3
+
+
+def test_the_table_of_costs_says_who_loses_less(costs):
+    table = gap_page.cost_table(costs)
+    assert table.loc[("overlap of the masks (IoU)", "mean"), "frames less events"] == "0.10 (0.10 to 0.10)"
+    assert table.loc[("right rings (%)", "low"), "frames"] == "20 (20 to 20)"
+    words = "events lose less than frames in low and medium and high light"
+    assert gap_page.lights_in_words(costs, "film", "mask_overlap") == words
+    (sets,) = gap_page.draw_sets(costs, "film").axes[0].containers[0].lines[:1]
+    np.testing.assert_allclose(sets.get_ydata().astype(float), [0.7, 0.9, 0.9])
 
 
 def test_errors_as_promised_lie_on_the_lines():

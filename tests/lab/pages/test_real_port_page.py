@@ -23,7 +23,7 @@ def test_a_drawing_shows_the_ring_by_hand_and_the_ellipse_widened_to_its_edge():
 
 def test_the_table_tells_right_from_wrong_and_from_nothing():
     rows = pd.DataFrame({
-        "picture": "a", "filters": DOMAIN_GAPS, "status": ["ok", "unsure", "no_ring"],
+        "picture": "a", "filters": DOMAIN_GAPS[:3], "status": ["ok", "unsure", "no_ring"],
         "contrast": [0.5, 0.4, np.nan], "ring_right": [True, False, False], "centre_px": [1.24, 30, np.nan],
         "major_ratio": [1, 2, np.nan], "pose_plausible": [True, False, False],
     })  # fmt: skip

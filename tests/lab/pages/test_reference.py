@@ -68,6 +68,11 @@ def test_the_same_again_is_unchanged_whatever_the_commit(made, monkeypatch):
     assert set(before) == {"summary.csv", "errors.csv", "counts.json", "rings, numbers", "rings, figure 1"}
 
 
+def test_a_chapter_that_glues_nothing_has_its_figures_alone(made):
+    (made[1] / "rings.glue.json").unlink()  # myst-nb writes none
+    assert [item for item in inventory(*made) if item.startswith("rings")] == ["rings, figure 1"]
+
+
 def edit_cell(path, factor):
     path.write_text(path.read_text().replace("0.512", f"{0.512 * factor:.6g}"))
 

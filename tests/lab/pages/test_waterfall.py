@@ -3,10 +3,13 @@
 from itertools import product
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 
+from lmmap.types import Camera, Port
 from lmmap_lab.pages import accuracy_page, waterfall
+from lmmap_lab.studies import formula
 from lmmap_lab.studies.ladder import RUNGS
 from lmmap_lab.studies.table1 import LIGHTS
 
@@ -36,11 +39,22 @@ def test_means_over_lights_by_hand(rungs):
 
 
 def test_each_rung_has_its_bars_and_numbers(rungs):
-    fig = waterfall.draw(rungs)
+    readings = {"ends": 4.0, "true centre": 2.0}
+    fig = waterfall.draw(rungs, readings=readings)
     assert [label.get_text() for label in fig.axes[0].get_yticklabels()] == list(RUNGS)
-    for ax in fig.axes:
-        assert len(ax.patches) == 2 * 2 * len(RUNGS) and len(ax.texts) == 2 * len(RUNGS)
+    marks = [line.get_xdata()[0] for line in fig.axes[0].lines]
+    assert marks == list(readings.values()) and not fig.axes[1].lines
+    for ax, more in zip(fig.axes, (len(readings), 0, 0), strict=True):
+        assert len(ax.patches) == 2 * 2 * len(RUNGS) and len(ax.texts) == 2 * len(RUNGS) + more
     plt.close(fig)
+
+
+def test_the_other_readings_err_less_than_the_printed_one():
+    camera, port = Camera.davis346(), Port.lm_map()
+    printed_rad = formula.errors_rad(formula.bench_poses(camera, port), camera, port.ring_radius_m, "printed")
+    others = waterfall.readings_deg()
+    assert set(others) == set(formula.READINGS) - {"printed"}
+    assert max(others.values()) < np.rad2deg(np.median(printed_rad))
 
 
 def test_the_ladder_s_table_has_every_rung_under_every_number(rungs):

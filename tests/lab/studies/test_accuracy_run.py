@@ -149,7 +149,7 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path)
         accuracy_run.sequences_of("paper")
     )
     tables = {p.name: p.read_text() for p in paper.glob("*.csv")}
-    assert len(tables) == 17
+    assert len(tables) == 19
     other, left, lines = tmp_path / "other", Estimates(), []
     study = made_up(other, left, committed=paper)
     (paper / "sequences" / "test-low-1.zip").unlink()
@@ -172,7 +172,7 @@ def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_p
 
     assert run("derived") == 0  # in the folder all is up to date
     everything = run("repeated")
-    assert everything == 2 * (9 * 3 + 2 * 1 + 3 * 2)  # cameras, sequences, sets of networks
+    assert everything == 2 * (9 * 4 + 2 * 1 + 3 * 3)  # cameras, sequences, sets of networks
     assert run("changed", go_on=True, sources=["lmmap/types/*.py"]) == 2 * everything
 
 

@@ -16,7 +16,7 @@ FACING = np.diag([1.0, -1.0, -1.0])
 
 @pytest.fixture(scope="module")
 def networks():
-    return load_networks("low", "rgb", "float32")
+    return load_networks("robust", "rgb", "float32")
 
 
 @pytest.mark.parametrize("zoom", [0.75, 1.0, 2.0])

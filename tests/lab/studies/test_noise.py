@@ -6,7 +6,6 @@ import pytest
 
 from lmmap.types import EVENT, Camera, Recording
 from lmmap_lab.bench.event_sensor import SensorSettings
-from lmmap_lab.pages import hard_cases_page
 from lmmap_lab.studies import noise
 
 SECONDS = 40.0
@@ -43,5 +42,5 @@ def test_the_committed_table_says_that_noise_hides_the_port():
 
 
 def test_a_crossing_is_between_the_points_around_it():
-    assert hard_cases_page.crossing([0, 1, 3], [90, 40, 0], 20) == pytest.approx(2.0)
-    assert np.isnan(hard_cases_page.crossing([0, 1], [90, 40], 20))
+    assert noise.crossing([0, 1, 3], [90, 40, 0], 20) == pytest.approx(2.0)
+    assert np.isnan(noise.crossing([0, 1], [90, 40], 20))

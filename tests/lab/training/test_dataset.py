@@ -39,7 +39,8 @@ def test_split_is_by_sequence_and_complete(gap):
 def test_only_the_high_gap_lacks_the_realistic_sequences():
     kinds = {gap: {n.split("-")[0] for n in dataset.SETS[gap]} for gap in DOMAIN_GAPS}
     both = {"augmented", "realistic"}
-    assert kinds == {"high": {"augmented"}, "low": both, "robust": both | {"varied"}}
+    assert kinds == {"high": {"augmented"}, "low": both, "robust": both | {"varied"},
+                     "light": both | {"varied", "printed"}}  # fmt: skip
 
 
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)

@@ -4,26 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import test_train
 import torch
-import toy_training
 
 from lmmap.pipeline import network, weights
-from lmmap_lab.training import dataset, together, train
+from lmmap_lab.training import together, train
 from lmmap_lab.training.recipe import Recipe
 
+quiet, toy = test_train.quiet, test_train.toy
 RECIPE = Recipe("ring", "event", "light", steps=6, batch=2, width=1 / 8)
-
-
-@pytest.fixture
-def toy(tmp_path, monkeypatch, rng):
-    names = toy_training.write_samples(tmp_path, rng)
-    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in (*weights.DOMAIN_GAPS, "light")})
-    monkeypatch.setattr(weights, "WEIGHTS", tmp_path)
-    return tmp_path
-
-
-def quiet(line):
-    pass
 
 
 def test_together_as_alone(toy):

@@ -1,5 +1,7 @@
 """The fit of the confidence, and that its answers are those of the estimator."""
 
+from dataclasses import replace
+
 import calibrate_confidence as calibrate
 import numpy as np
 import pytest
@@ -46,7 +48,8 @@ def look(confidence: float, x_m: float = 0.0) -> Estimate:
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
 def test_an_answer_asks_the_looks_as_the_estimator_does(modality):
-    told, sure, doubt, elsewhere = calibrate.Told(modality, OURS), look(0.99), look(0.9), look(0.6, 0.1)
+    told = calibrate.Told(modality, replace(OURS, look_independence=0.5))
+    sure, doubt, elsewhere = look(0.99), look(0.9), look(0.6, 0.1)
     nothing = Estimate(0, Status.NO_RING)
     never = [(look(0.999, 0.3), False)] * 2  # would be the answer if it were asked
     assert calibrate.answer(told, [((sure, True), never[0]), never]) == (sure, True)

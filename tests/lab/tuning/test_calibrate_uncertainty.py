@@ -19,7 +19,7 @@ def test_the_constants_are_those_measured():
         assert OURS.marker_sigma_px[modality] == best.marker_sigma_px
         assert OURS.joint_inflation[modality] == pytest.approx(best.joint_inflation, abs=0.06)
     assert pytest.approx(table.yaw_inflation.max(), abs=0.006) == OURS.yaw_inflation
-    assert table.yaw_margin.max() == OURS.min_yaw_margin
+    assert table.yaw_margin.max() <= OURS.min_yaw_margin
     assert (table.other_yaw_percent <= calibrate_uncertainty.OTHER_PERCENT).all()
 
 

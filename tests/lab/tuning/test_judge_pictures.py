@@ -36,7 +36,7 @@ def test_the_true_ring_and_markers_are_right_and_others_are_not():
 
     def judged(pose):
         ring = circle_ellipse(pose, port.ring_radius_m, camera)
-        look = Look(camera, picture, picture[..., 0], Estimate(0, Status.OK, pose, ellipse=ring), 1.0)
+        look = Look(camera, picture, picture[..., 0], Estimate(0, Status.OK, pose, ellipse=ring), ring, 1.0)
         return judge_pictures.judged(
             look, picture, lambda _: np.ones(picture.shape[:2]), outer, corners.mean(1)
         )
@@ -55,3 +55,11 @@ def test_drawn_lines_are_taken_out_and_nothing_else_changes():
     picture[30] = (0, 255, 0)
     cleaned = judge_pictures.without_lines(picture)
     assert np.abs(cleaned.astype(int) - 90).max() < 5 and np.array_equal(cleaned[:28], picture[:28])
+
+
+def test_each_reported_pose_of_the_published_pictures_lies_on_the_port():
+    """What README, quickstart and model cards say."""
+    found = pd.read_csv(DATA / "results" / "pictures.csv").query("lines != 'taken out' and local_search")
+    reported = found[found.status == Status.OK]
+    assert len(reported) and reported.ring_right.all()
+    assert reported.pose_plausible[reported.markers_seen > 0].all()

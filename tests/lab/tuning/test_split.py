@@ -7,17 +7,19 @@ from pathlib import Path
 import calibrate_uncertainty
 import choose_look
 import choose_thresholds
+import judge_gap
 import measure_ports
 import numpy as np
 import pandas as pd
 import pytest
 import train_spikes
-import training_seeds
 import tune_between
 import tune_fusion
 import validation_world
 import wrong_poses
 
+from lmmap.pipeline.network import CHANNELS
+from lmmap.pipeline.weights import load_card, weight_path
 from lmmap.settings import OURS
 from lmmap_lab.bench import photometry, varied
 from lmmap_lab.bench.laboratory import sequence
@@ -60,14 +62,15 @@ def test_the_filters_never_saw_what_their_covariances_and_fusion_are_tuned_on():
     assert not trained & {*tune_fusion.SEQUENCES, *calibrate_uncertainty.SEQUENCES}
 
 
-def test_equal_trainings_are_judged_on_what_nothing_else_uses():
-    lights, count, first = wrong_poses.LIGHTS, training_seeds.COUNT, training_seeds.FIRST
-    judging = {name for light in lights for name in wrong_poses.of_light(light, first, count)}
-    assert len(judging) == len(lights) * count
-    assert not judging & {name for names in TUNED_ON.values() for name in names}
-    first_set, *others = (set(names) for names in training_seeds.TRAINING.values())
-    assert first_set <= set(TUNED_ON["filters"])
-    assert all(len(names) == len(first_set) and names <= set(TUNED_ON["filters"]) for names in others)
+def test_the_gap_is_judged_by_equal_trainings_on_what_nothing_else_uses():
+    judging = [name for names in judge_gap.SEQUENCES.values() for name in names]
+    assert len(set(judging)) == len(judging) == 2 * 3 * 8
+    assert not set(judging) & {name for names in TUNED_ON.values() for name in names}
+    rings = [(m, gap, seed) for m in CHANNELS for gap in ("high", "low") for seed in judge_gap.SEEDS[gap]]
+    cards = [load_card(weight_path("ring", *ring)) for ring in rings]
+    alike = {tuple(card["recipe"][key] for key in ("steps", "rate", "start_from")) for card in cards}
+    assert len(alike) == 1 and len({card["sha256"] for card in cards}) == len(rings) == 12
+    assert not set(judging) & {drawn_as(name) for card in cards for name in card["training_sequences"]}
 
 
 def test_no_two_choices_are_made_on_the_same_sequences():

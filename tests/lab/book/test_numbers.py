@@ -1,0 +1,123 @@
+"""A number that stands in two places is one number: one glue in the book, and README's are the results'."""
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lmmap.settings import OURS
+from lmmap.types import Camera, Port, Pose
+from lmmap_lab.pages import intro_page
+from lmmap_lab.provenance import DATA, ROOT, load_table
+from lmmap_lab.studies import domain_gap, formula, sensitivity
+from lmmap_lab.studies.accuracy_run import COMMITTED
+from lmmap_lab.studies.table1 import compare
+
+PAGES = {path.name: path.read_text() for path in sorted((ROOT / "book").glob("*.md"))}
+README = " ".join((ROOT / "README.md").read_text().split())
+ONE_PLACE = {  # where a number is glued, and how; every other page takes it from there
+    "accuracy_right_mm": ("accuracy.md", "accuracy_right_mm"),
+    "accuracy_right_normal": ("accuracy.md", "accuracy_right_normal"),
+    "accuracy_right_rotation": ("accuracy.md", "accuracy_right_rotation"),
+    "accuracy_as_printed_deg": ("accuracy.md", "accuracy_{name}_deg"),
+    "accuracy_paper_deg": ("accuracy.md", "accuracy_{name}_deg"),
+    "accuracy_ours_deg": ("accuracy.md", "accuracy_{name}_deg"),
+    "accuracy_exact_deg": ("accuracy.md", "accuracy_exact_deg"),
+    "accuracy_claims": ("accuracy.md", "accuracy_claims"),
+    "accuracy_seconds": ("accuracy.md", "accuracy_seconds"),
+    "circles_frontal_deg": ("circles.md", "circles_frontal_deg"),
+    "circles_rms_0_deg": ("circles.md", "circles_rms_{tilt_deg}_deg"),
+    "circles_worse": ("circles.md", "circles_worse"),
+    "sensitivity_45_deg": ("sensitivity.md", "sensitivity_45_deg"),
+    "intro_minutes": ("intro.md", "intro_minutes"),
+    "hard_noise_ours": ("hard-cases.md", "hard_noise_ours"),
+    "bench_frames_p95": ("bench.md", "bench_{name}_p95"),
+}
+LIMITS = ("right_position_m", "right_normal_rad", "right_rotation_rad")
+
+
+@pytest.mark.parametrize("name", ONE_PLACE)
+def test_a_number_is_glued_once_and_taken_from_there(name):
+    page, made = ONE_PLACE[name]
+    assert [place for place, text in PAGES.items() if re.search(rf'glue\(f?"{re.escape(made)}"', text)] == [
+        page
+    ]
+    uses = {
+        place: set(re.findall(rf"glue:text}}`([^`]*\b{name})(?::[^`]*)?`", text))
+        for place, text in PAGES.items()
+    }
+    assert set.union(*uses.values())
+    for place, words in uses.items():
+        assert words <= ({name} if place == page else {f"{page}::{name}"}), place
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_the_limits_of_a_right_pose_are_glued_on_one_page(limit):
+    glued = [place for place, text in PAGES.items() if re.search(rf"glue\([^\n]*OURS\.{limit}\b", text)]
+    assert glued == ["accuracy.md"]
+
+
+def test_readme_and_pages_name_the_same_limits_and_minutes():
+    millimetres, normal, rotation = (getattr(OURS, limit) for limit in LIMITS)
+    limits = f"{1e3 * millimetres:.0f} mm, {np.rad2deg(normal):.0f} degrees (normal) and"
+    assert f"{limits} {np.rad2deg(rotation):.0f} degrees (rotation)" in README
+    assert f"| {intro_page.REPRODUCE_MINUTES} min, " in README
+    for place in ("intro.md", "check.md"):
+        assert "intro_minutes" in PAGES[place] and "`make reproduce`" in PAGES[place]
+
+
+def test_the_printed_formula_is_worse_in_as_many_cells_as_readme_says():
+    cells = compare(COMMITTED).query(
+        "metric == 'normal_error_deg' and statistic == 'median' and outlier_filter == 'with'"
+    )
+    assert f"in {(cells.printed > cells.table1).sum()} of {len(cells)} cells" in README
+
+
+def test_readme_says_of_the_gap_what_the_study_says():
+    table = load_table(DATA / "results" / "domain-gap.csv")
+    cost = domain_gap.cell(table, "film", "mask_overlap", "mean", domain_gap.EITHER, "cost of the gap")
+    assert "events lose less of their masks to a domain gap than frames" in README and cost["low"] > 0
+
+
+def test_the_button_head_on_gives_the_formula_s_own_number():
+    """Off the axis by half a pixel the ring is not quite head-on, and the bias is another."""
+    script = (ROOT / "book" / "_static" / "ring-lab.js").read_text()
+    (values,) = re.findall(r"data-set='(\{[^}]*\})'>head-on at 0\.6 m<", script)
+    start, camera, radius_m = json.loads(values), Camera.davis346(), Port.lm_map().ring_radius_m
+    place = (np.array([start["u_px"], start["v_px"]]) - [camera.cx_px, camera.cy_px]) / camera.fx_px
+    tilted = sensitivity.tilted_pose(start["distance_m"], np.deg2rad(start["tilt_deg"]))
+    T = Pose(tilted.rotation[None], start["distance_m"] * np.r_[place, 1][None])
+    error_rad = formula.errors_rad(T, camera, radius_m, "printed")[0]
+    assert error_rad == pytest.approx(2 * np.arctan(radius_m / start["distance_m"]), abs=np.deg2rad(0.05))
+
+
+def test_white_pixels_of_the_test_come_from_one_table():
+    for place in ("bench.md", "accuracy.md"):
+        assert 'COMMITTED / "saturation.csv"' in PAGES[place] and "saturation-test" not in PAGES[place]
+
+
+def test_the_tolerances_at_our_limits_are_the_ladder_s_wrong_poses():
+    ladder = pd.read_csv(COMMITTED / "ladder.csv")
+    ladder = ladder.query("metric == 'wrong_percent' and outlier_filter == 'without'")
+    ours = pd.read_csv(COMMITTED / "tolerances.csv").query("factor == 1 and limits == 'all limits'")
+    both = ours.merge(ladder, on=["rung", "light", "modality", "training"])
+    assert len(both) == len(ours) and np.allclose(both.wrong_percent, both.value, atol=1e-3)
+
+
+@pytest.mark.parametrize("place", ["intro.md", "accuracy.md"])
+def test_the_printed_procedure_is_said_to_be_read_literally(place):
+    text = " ".join(PAGES[place].split())
+    assert "read literally" in text and "code is not public" in text and "circles.md::circles_worse" in text
+    assert "read literally" in README and "code is not public" in README
+
+
+def test_simulated_is_said_where_a_new_place_is_judged():
+    for place, text in PAGES.items():
+        words = text.replace('"other laboratory, judged once"', "").replace(
+            "another laboratory and another", ""
+        )
+        assert not re.search(r"\b(other|another|foreign) laboratory", words), place
+    assert "second simulated scene" in README
+    assert "come from a simulation of ours" in PAGES["intro.md"].split("```{code-cell}")[1]
