@@ -1,4 +1,4 @@
-"""The paper's claims about limits: hard cases, empty images and odometry; and what it proposes to try next."""
+"""The paper's claims about limits: hard cases, empty images, odometry; and what it proposes to try next."""
 
 from __future__ import annotations
 
