@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from lmmap_lab.bench.event_sensor import SensorSettings
 from lmmap_lab.pages import hard_cases_page
 from lmmap_lab.pages.tables import CAMERAS, LIGHTS
 
@@ -35,3 +36,13 @@ def test_each_panel_has_the_three_tracks_in_its_unit():
     panels = hard_cases_page.draw_fused(cells).axes
     assert [set(ax.containers[0].lines[0].get_ydata()) for ax in panels] == [{2000.0}, {2.0}, {2.0}]
     assert all(len(ax.containers) == 3 for ax in panels)
+
+
+def test_slow_motion_s_shares_stand_with_their_networks():
+    counts = pd.DataFrame([("hard-slow", "event", 200, 150, 50)],
+                          columns=["sequence", "modality", "images", "ellipses", "poses"])  # fmt: skip
+    own = {"shot_hz": SensorSettings().shot_hz, "images": 100, "ellipse_percent": 90.0, "none_percent": 30.0,
+           "right_percent": 65.0, "wrong_percent": 5.0}  # fmt: skip
+    low, default = hard_cases_page.slow_shares(counts, pd.DataFrame([own])).to_numpy(float)
+    assert low[:3].tolist() == [200, 75, 25] and np.isnan(low[3:]).all()
+    assert default.tolist() == [100, 90, 70, 65, 5]

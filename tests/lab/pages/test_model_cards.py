@@ -72,6 +72,17 @@ def test_no_cell_is_harder_than_the_hardest(domain_gap):
     assert row.camera in where and f"{row.light} light" in where
 
 
+def test_beside_the_default_set_the_difference_is_that_of_both_shares():
+    table = model_cards.beside_default()
+    assert (
+        table.index.tolist()[2:4] == [("frames", "high light"), ("frames", "all lights")] and len(table) == 8
+    )
+    shares = table["right (%)"].map(lambda text: float(text.split(" (")[0]))
+    assert (shares.light - shares[OURS.weights]).to_numpy() == pytest.approx(shares.difference, abs=0.11)
+    images = table["images", ""].astype(int)
+    assert images["frames"].iloc[:3].sum() == images["frames", "all lights"]
+
+
 def test_a_table_says_whether_it_is_of_the_present_networks(tmp_path, monkeypatch):
     monkeypatch.setattr(model_cards, "DATA", tmp_path)
     (tmp_path / "results").mkdir()
