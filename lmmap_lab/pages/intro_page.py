@@ -6,72 +6,73 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from lmmap.estimation.images import images
-from lmmap.pipeline.circle import candidates
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.masks import reflector_mask
+from lmmap.settings import MODALITIES
 from lmmap.types import Camera, Ellipse, Recording
 
-from .drawings import COLOUR, draw_ellipse, draw_estimate, show_image
+from .drawings import COLOUR, draw_estimate
+from .port_fit import draw_outline
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 REPRODUCE_MINUTES = 12  # of `make reproduce` on two cores, without the installation; README says the same
 # what a step does, what it gives, and its colour: see `draw_flow`
 FLOW = (
-    ("frame, or\n35 000 events", "image", "ink"), ("ring filter\n(CNN)", "mask", "event"),
+    ("frame, or\n35,000 events", "image", "ink"), ("ring network\n(CNN)", "mask", "event"),
     ("skeleton,\nRANSAC", "ellipse", "rgb"), ("circle's\ncone", "two poses", "rgb"),
-    ("marker filter\n(CNN)", "mask", "event"), ("correlation\nwith CAD", "pose, yaw", "rgb"),
+    ("marker network\n(CNN)", "mask", "event"), ("correlation\nwith CAD", "pose, yaw", "rgb"),
     ("joint\nrefinement", "covariance", "truth"), ("outlier\nfilter", "trajectory", "rgb"),
 )  # fmt: skip
 
 
-def draw_flow(ax) -> None:
+def draw_flow():
     """Draw the pipeline as boxes: orange is learnt, blue is geometry, green is not in the paper."""
+    fig, ax = plt.subplots(figsize=(7.2, 2.4))
+    arrow = {"arrowstyle": "->", "color": COLOUR["ink"]}
     for k, (does, gives, colour) in enumerate(FLOW):
         x, y = k % 4, -(k // 4)
         box = {"boxstyle": "round,pad=0.45", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
-        arrow = {"arrowstyle": "->", "color": COLOUR["ink"]}
         ax.text(x, y, does, ha="center", va="center", fontsize=9, bbox=box)
-        ax.annotate("", (x + 0.65, y), (x + 0.36, y), arrowprops=arrow)
         ax.text(x + 0.5, y - 0.22, gives, ha="center", va="center", fontsize=8, style="italic")
-    ax.set(xlim=(-0.4, 3.9), ylim=(-1.4, 0.4))
+        if k != 3:
+            ax.annotate("", (x + 0.65, y), (x + 0.36, y), arrowprops=arrow)
+    ax.plot([3.36, 3.85, 3.85, -0.5, -0.5], [0, 0, -0.5, -0.5, -1], color=COLOUR["ink"], lw=1)
+    ax.annotate("", (-0.38, -1), (-0.51, -1), arrowprops=arrow)
+    ax.set(xlim=(-0.55, 3.9), ylim=(-1.4, 0.4))
     ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
     ax.set_axis_off()
+    return fig
 
 
-def draw_pipeline(recording: Recording, modalities=("rgb", "event")):
-    """Draw image, ring mask with its ellipse, marker mask and pose, a row per modality, around the ring.
+def draw_first(recording: Recording, outlines):
+    """Draw the last frame and histogram of a recording with the pose in each, and the real port's lines.
+
+    Parameters
+    ----------
+    outlines
+        By picture, as tuning/measure_port.py writes them.
 
     Returns
     -------
     tuple
         The figure and the list of estimates.
     """
-    fig, axes = plt.subplots(len(modalities), 4, figsize=(7.6, 1.65 * len(modalities)), squeeze=False)
+    fig, axes = plt.subplots(1, 3, figsize=(7.6, 2.2))
     answers = []
-    for row, modality in zip(axes, modalities, strict=True):
+    for ax, modality, title in zip(axes, MODALITIES, ("a frame", "events"), strict=False):
         estimator = Estimator(recording.camera, modality=modality)
-        t_us, image = list(images(recording, modality))[-3]
+        t_us, image = list(images(recording, modality))[-1]
         answers.append(answer := estimator(image, t_us))
-        title = "RGB frame" if modality == "rgb" else f"{image.sum():,} events"
-        show_image(row[0], image, title)
-        show_image(row[1], estimator.ring_network(image), "ring filter, ellipse")
-        if answer.ellipse is not None:
-            draw_ellipse(row[1], answer.ellipse, COLOUR["event"])
-            circles = candidates(answer.ellipse, recording.camera, estimator.port.ring_radius_m)
-            network = estimator.reflector_network
-            markers = reflector_mask(network, image, circles, estimator.port, recording.camera)
-            show_image(row[2], markers, "marker filter")
-        draw_estimate(row[3], image, answer, estimator.port, recording.camera)
-        row[3].set_title("pose")
-        if answer.ellipse is not None:
-            _look_at(row, answer.ellipse, recording.camera)
+        draw_estimate(ax, image, answer, estimator.port, recording.camera)
+        ax.set_title(title)
+        _look_at(ax, answer.ellipse, recording.camera)
+    draw_outline(axes[2], outlines["rgb-estimate-overlaid"])
+    axes[2].set_title("the real port, outlines")
     return fig, answers
 
 
-def _look_at(axes, ellipse: Ellipse, camera: Camera) -> None:
+def _look_at(ax, ellipse: Ellipse, camera: Camera) -> None:
     """Let axes show the part of the image around an ellipse."""
     tall = min(AROUND * ellipse.semi_axes_px[0], camera.height_px)
     wide = min(4 / 3 * tall, camera.width_px)
     left, top = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
-    for ax in axes:
-        ax.set(xlim=(left - 0.5, left + wide - 0.5), ylim=(top + tall - 0.5, top - 0.5))
+    ax.set(xlim=(left - 0.5, left + wide - 0.5), ylim=(top + tall - 0.5, top - 0.5))

@@ -22,20 +22,23 @@ def draw_fit(outlines: Mapping[str, dict], titles: Mapping[str, str]):
     outlines
         By picture, as tuning/measure_port.py writes them.
     """
-    models = {name: [_points(line) for line in outlines[name]["model"]] for name in titles}
-    low = {name: np.concatenate(lines).min(0) - MARGIN_PX for name, lines in models.items()}
-    size = np.max([np.concatenate(lines).max(0) + MARGIN_PX - low[name] for name, lines in models.items()], 0)
-    fig, axes = plt.subplots(1, len(titles), figsize=(7.6, 7.6 / len(titles) * size[1] / size[0] + 0.4),
-                             squeeze=False)  # fmt: skip
+    fig, axes = plt.subplots(1, len(titles), figsize=(7.6, 4.2), squeeze=False)
     for ax, (name, title) in zip(axes[0], titles.items(), strict=True):
-        pixels = np.concatenate([_points(outlines[name][kind]) for kind in ("lines", "windows")])
-        ax.add_collection(_squares(pixels))
-        ax.add_collection(LineCollection(models[name], colors=COLOUR["event"], lw=0.9))
-        (u, v), (width, height) = low[name], size
-        ax.set(xlim=(u, u + width), ylim=(v + height, v), xticks=[], yticks=[], aspect="equal", title=title)
-        ax.spines[:].set_visible(False)
-        ax.set_label("pixels of the authors' lines, and the fitted wire model through them")
+        draw_outline(ax, outlines[name])
+        ax.set_title(title)
     return fig
+
+
+def draw_outline(ax, outline: Mapping) -> None:
+    """The authors' pixels in one picture, and the fitted lines."""
+    model = [_points(line) for line in outline["model"]]
+    ax.add_collection(_squares(np.concatenate([_points(outline[kind]) for kind in ("lines", "windows")])))
+    ax.add_collection(LineCollection(model, colors=COLOUR["event"], lw=0.9))
+    (left, top), (right, bottom) = (f(np.concatenate(model), 0) for f in (np.min, np.max))
+    ax.set(xlim=(left - MARGIN_PX, right + MARGIN_PX), ylim=(bottom + MARGIN_PX, top - MARGIN_PX))
+    ax.set(xticks=[], yticks=[], aspect="equal")
+    ax.spines[:].set_visible(False)
+    ax.set_label("pixels of the authors' lines, and the fitted wire model through them")
 
 
 def _points(text: str) -> np.ndarray:

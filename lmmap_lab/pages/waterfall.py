@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -65,17 +67,23 @@ def draw_tolerances(table: pd.DataFrame):
     return fig
 
 
-def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | None = None):
+def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | None = None,
+         only: Mapping[str, str] | None = None, panels=PANELS):  # fmt: skip
     """Draw the ladder of a domain gap as a waterfall: a pair of bars a rung, frames over events.
 
-    A bar's pale end is what the change of that rung takes away.  Faint marks across the first row's normals
-    are other ``readings`` of the formula, by default `readings_deg`.
+    A bar's pale end is what the change of that rung, or of those since the one drawn above it, takes away.
+    Faint marks across the first row's normals are other ``readings`` of the formula, by default
+    `readings_deg`.  Of the ladder, ``only`` these rungs, by their titles, and ``panels`` are drawn.
     """
     readings = readings_deg() if readings is None else readings
-    table, at = means(rungs, gap), np.arange(len(RUNGS))
-    fig, axes = plt.subplots(1, len(PANELS), figsize=(7.6, 4.4), sharey=True)
-    for ax, title in zip(axes, table, strict=True):
-        values = table[title].unstack("modality").loc[list(RUNGS)]
+    only = only or dict.fromkeys(RUNGS)
+    table, at = means(rungs, gap), np.arange(len(only))
+    fig, axes = plt.subplots(
+        1, len(panels), figsize=(7.6, 0.8 + 0.45 * len(only)), sharey=True, squeeze=False
+    )
+    axes = axes[0]
+    for ax, (*_, title) in zip(axes, panels, strict=True):
+        values = table[title].unstack("modality").loc[list(only)]
         for shift, m in ((-0.2, "rgb"), (0.2, "event")):
             now = values[m].to_numpy()
             before = np.r_[now[0], now[:-1]]
@@ -88,7 +96,7 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
     for name, deg in readings.items():
         axes[0].plot([deg, deg], [-0.45, 0.45], color=COLOUR["paper"], lw=1.2, alpha=0.6)
         axes[0].annotate(name, (deg, -0.5), rotation=35, fontsize=6, color=COLOUR["paper"])
-    axes[0].set_yticks(at, list(RUNGS))
+    axes[0].set_yticks(at, [title or rung for rung, title in only.items()])
     axes[0].invert_yaxis()
     axes[-1].legend(loc="lower right")
     return fig
