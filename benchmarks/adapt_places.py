@@ -8,7 +8,8 @@ part.
     judged on another
 
 A place is a recording with its truth beside it, or NAME:SECONDS of the bench, which is simulated once and
-kept in data/derived/places; varied laboratories show the LM-MAP itself.  Each row of the table is a camera of
+kept in data/derived/places.  Varied laboratories show the LM-MAP itself, and scene-N is the motion and light of
+realistic-N in the second simulated scene (tuning/validation_world.py).  Each row of the table is a camera of
 a place; rows that are there are not made again.  Beside it, NAME-images.csv has a row for each image: whether
 its pose is right, and how confident.
 """
@@ -18,8 +19,10 @@ from __future__ import annotations
 import argparse
 import re
 import resource
+import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +36,22 @@ from lmmap.recordings.formats import open_stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Port
 from lmmap_lab.adaptation.adapt import adapt
-from lmmap_lab.bench import simulate, varied
+from lmmap_lab.bench import sequences, simulate, varied
 from lmmap_lab.bench.writers import write_recording
-from lmmap_lab.provenance import DERIVED_DATA
+from lmmap_lab.provenance import DERIVED_DATA, ROOT
+
+sys.path.append(str(ROOT / "tuning"))
+import validation_world
 
 OF_BENCH = re.compile(r"([a-z]+(?:-[\w.]+)*):([\d.]+)")
 KEY = ["learned_on", "judged_on", "cameras", "modality", "weights", "seconds", "steps", "seed"]
+
+
+def second_scene(name: str, seconds: float):
+    """A recording of other covers, paint, lamps, backdrop, lens and event sensor than the bench's own."""
+    gap_m, sensor = validation_world.of_turn(name)
+    setup = replace(validation_world.other_setup(gap_m), frame_hz=10)
+    return sequences.simulate(name, seconds, sensor=sensor, setup=setup)
 
 
 def opened(place: str):
@@ -52,6 +65,8 @@ def opened(place: str):
         print(f"{name}: simulating {seconds:g} s", flush=True)
         if varied.NAME.fullmatch(name):
             write_recording(varied.record_varied(name, seconds, Port.lm_map()), path)
+        elif name.startswith("scene-"):
+            write_recording(second_scene(name.replace("scene", "realistic"), seconds), path)
         else:
             simulate.record(name, seconds, path)
     return open_stream(path)

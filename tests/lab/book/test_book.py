@@ -22,6 +22,8 @@ API = [page for page in PAGES if page.stem == "api" or "api" in page.parts]
 REFERENCE = ("bibliography", "models", "quickstart")  # pages that explain no finding
 CHAPTERS = [page for page in PAGES if page not in API and page.stem not in REFERENCE]
 ENVIRONMENT = (ROOT / "environment.txt").read_text()
+WALK = [ROOT / f"{chapter['file']}.md" for part in TOC["parts"] if part["caption"] == "The paper"
+        for chapter in part["chapters"]]  # fmt: skip
 PINS = [line.split(";")[0].strip() for line in ENVIRONMENT.splitlines() if line and not line.startswith("#")]
 
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -283,10 +285,45 @@ def test_captions_have_names_of_their_own_and_at_least_two_sentences(page):
             assert sentences(figure["caption"]) >= 2, f"{figure['name']}: {figure['caption']}"
 
 
-def test_the_accuracy_chapter_reads_in_ten_minutes():
-    text = prose(BOOK / "accuracy.md").split("---\n", 2)[2]
-    words = re.sub(r"\$\$.*?\$\$", "", re.sub(r"\{glue:text\}`[^`]*`", "0", text), flags=re.S).split()
-    assert len(words) <= 1500, len(words)
+def words(page: Path) -> int:
+    """Of a page's prose, without code, folds and equations; a number that is glued counts as one."""
+    text = re.sub(r"\A---\n.*?\n---\n", "", prose(page), flags=re.S)
+    for what, instead in (
+        (r"^(:{3,})\{dropdown\}.*?^\1$", ""),
+        (r"\$\$.*?\$\$", ""),
+        (r"\{glue:\w+\}`[^`]*`", "0"),
+    ):
+        text = re.sub(what, instead, text, flags=re.S | re.M)
+    return len(text.split())
+
+
+def test_the_walk_is_nine_chapters_of_a_quarter_of_an_hour_each():
+    assert len(WALK) == 9
+    lengths = {page.stem: words(page) for page in WALK}
+    assert all(800 <= n <= 1600 for n in lengths.values()) and lengths["accuracy"] <= 1500, lengths
+
+
+def test_the_first_page_is_read_in_a_minute_and_the_book_in_an_afternoon():
+    assert words(PAGES[0]) < 350
+    assert sum(words(page) for page in PAGES if page not in API and page.stem != "appendix") < 26_000
+
+
+def terms() -> dict[str, str]:
+    """Pages by the term that the glossary takes from them, in the order of the page."""
+    entries = (BOOK / "notation.md").read_text().split("```{glossary}")[1].split("```")[0]
+    found = re.findall(r"^(\S[^\n]*)\n((?:  .*\n?)+)", entries, re.M)
+    return {term: re.search(r"\]\((\w[\w-]*)\.md\)\s*$", text.strip())[1] for term, text in found}
+
+
+def test_no_term_of_the_walk_stands_before_the_chapter_that_defines_it():
+    order = [page.stem for page in PAGES]
+    for term, where in terms().items():
+        assert where in order, term
+        defined = prose(BOOK / f"{where}.md")
+        assert re.search(rf"\*{re.escape(term)}\w*\*", defined, re.I), f"{where}.md does not define {term!r}"
+        early = [page.stem for page in WALK if order.index(page.stem) < order.index(where)
+                 and re.search(rf"(?<![\w/.-]){re.escape(term)}s?(?![\w.-])", prose(page), re.I)]  # fmt: skip
+        assert not early, f"{term!r} is defined in {where}, but used in {early}"
 
 
 def test_no_two_figures_share_a_name():
