@@ -9,9 +9,9 @@ part.
 
 A place is a recording with its truth beside it, or NAME:SECONDS of the bench, which is simulated once and
 kept in data/derived/places.  Varied laboratories show the LM-MAP itself, and scene-N is the motion and light
-of realistic-N in the second simulated scene (tuning/validation_world.py).  Each row of the table is a camera of
-a place; rows that are there are not made again.  Beside it, NAME-images.csv has a row for each image: whether
-its pose is right, and how confident.
+of realistic-N in the second simulated scene (tuning/validation_world.py).  Each row of the table is a camera
+of a place; rows that are there are not made again.  Beside it, NAME-images.csv has a row for each image:
+whether its pose is right, and how confident.
 """
 
 from __future__ import annotations
