@@ -40,7 +40,7 @@ class MotionSettings:
 
     acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
     acceleration_rad: float = 0.2  # rad / s^1.5
-    correlation_s: float = 0.05  # time over which a camera's errors stay alike
+    correlation_s: float = 0.0  # time over which a camera's errors stay alike
     speed_m_s: float = 0.05  # standard deviation along each axis when nothing is known yet
     rate_rad_s: float = 0.18  # the same of the angular rate
     gate: float = 22.46  # squared Mahalanobis distance that 99.9 % of estimates keep (chi-square, 6)

@@ -28,7 +28,6 @@ PAGE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "data/mi
             "data/*.json", "data/results/**/*.[cjt]*", "data/derived/{profile}/*.[cj]s*",
             "data/derived/recordings/*/told.txt", "book/_static/*.js", "environment.txt")  # fmt: skip
 MODULE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "environment.txt")
-NO_PORT = ("attacks", "formats", "port", "port-outlines")  # results that no port of ours takes part in
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 
@@ -119,17 +118,6 @@ def port_mark() -> str:
     """Hash of the lengths of the port that the laboratory has."""
     lengths = {k: v for k, v in vars(Port.lm_map()).items() if k.endswith("_m")}
     return hashlib.sha256(json.dumps(lengths, sort_keys=True).encode()).hexdigest()[:12]
-
-
-def of_former_port() -> list[Path]:
-    """Tables and documents of data/results that do not say that they were made with the present port."""
-    found, present = [], port_mark()
-    for path in sorted((DATA / "results").rglob("*.json")):
-        document = json.loads(path.read_text())
-        facts = document if path.name.endswith(".provenance.json") else document.get("provenance")
-        if facts and path.name.split(".")[0] not in NO_PORT and facts.get("port") != present:
-            found.append(path)
-    return found
 
 
 def provenance(**facts) -> dict:

@@ -12,6 +12,8 @@ table is kept in data/results/looks.csv.
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 import pandas as pd
 from calibrate_uncertainty import RATE_HZ, SEQUENCES, difference, mahalanobis, recording
@@ -29,7 +31,8 @@ from lmmap.types import Estimate
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, save_table
 
-FACTORS = (1.0, 1.5, 2.0, 3.0)
+# from 3 on, a window's middle would not come after that of the N events before, and poses' times must rise
+FACTORS = (1.0, 1.5, 2.0, 2.5)
 
 
 def seen_at(estimator: Estimator, window, truth_of) -> tuple[Estimate, bool, bool]:
@@ -51,7 +54,7 @@ def measured(estimator: Estimator, name: str) -> list[dict]:
     def truth_of(t_us):
         return seen.truth.at(np.clip([t_us], seen.truth.t_us[0], seen.truth.t_us[-1]))[0]
 
-    for window in windows_at(seen.chunks(), RATE_HZ, count, int(max(FACTORS))):
+    for window in windows_at(seen.chunks(), RATE_HZ, count, ceil(max(FACTORS))):
         truth = truth_of(middle_us(window[-count:]))
         if len(window) < most or not in_view(truth, estimator.port, seen.camera):
             continue

@@ -3,8 +3,8 @@
     python tuning/look_turned.py
 
 An image whose ring is seen without a sure pose is looked at again, by the mean of the masks that the networks
-give of the image and of the image turned by half a turn, and a histogram with twice the events as well.  The
-first look is that of N events, or of 2 N where N give no pose.  The images are those of `wrong_poses`, which
+give of the image and of the image turned by half a turn, and a histogram with more events as well.  The first
+look is that of N events, or of more where N give no pose.  The images are those of `wrong_poses`, which
 neither train nor test anything.  The table goes to data/results/turned.csv.
 """
 

@@ -30,7 +30,7 @@ MEASURED = {  # each rung keeps what the one before it changed
     "sub-pixel contour": "the stroke's middle measured on the soft mask, not its skeleton",
     "fine yaw": "a yaw to a fraction of a degree, normals judged by the markers' mean and area",
     "exact circle": "the exact pose of the circle, not the printed formula",
-    "ring and markers": "both refined together and on the image, which judges yaw; 2 N events where N fail",
+    "ring and markers": "both refined together and on the image, which judges yaw; more events where N fail",
 }
 TRACKED = {"confident": "a pose only where it is probably right", "fused": "both cameras in one filter"}
 RUNGS = MEASURED | TRACKED

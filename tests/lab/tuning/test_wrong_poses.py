@@ -35,7 +35,7 @@ def image(k):
 
 
 def case(shown):
-    """Two images; ``shown`` has the shares of the ideal masks in (N, 2N), (plain, turned)."""
+    """Two images; ``shown`` has the shares of the ideal masks in (N events, more events), (plain, turned)."""
     looks = []
     for k, (plain, turned) in enumerate(shown, 1):
         looks.append(wrong_poses.Look(image(k), plain * MASKS, (plain + turned) / 2 * MASKS, T0))
