@@ -5,6 +5,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.stats import chi2
 
 from lmmap.pipeline.weights import DOMAIN_GAPS
@@ -120,5 +121,8 @@ def draw_promise(promise: pd.DataFrame):
             ends = np.array(ax.get_xlim())
             ax.plot(ends, ends * np.sqrt(chi2.ppf(share, 1)), color=COLOUR["ink"], lw=1)
         ax.set(xlabel=f"predicted ({unit})", ylabel=f"error ({unit})", title=what.split("_")[0])
+        for axis in (ax.xaxis, ax.yaxis):  # 0.3, not 3 x 10^-1
+            axis.set(major_locator=LogLocator(subs=(1, 3)), major_formatter="{x:g}")
+            axis.set_minor_formatter(NullFormatter())
     axes[0].legend(fontsize=8)
     return fig
