@@ -5,6 +5,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.stats import chi2
 
 from lmmap.pipeline.weights import DOMAIN_GAPS
@@ -13,50 +14,13 @@ from ..studies import domain_gap
 from ..studies.table1 import LIGHTS
 from .drawings import COLOUR, draw_intervals
 from .tables import CAMERAS, with_ends
-from .tables import LIGHTS as TITLES
 
-PANELS = (  # metric, statistic, scale, label
-    ("position_error_m", "median", 1e3, "position error (mm)"),
-    ("detection_rate_percent", "in_fov", 1.0, "found, ring in view (%)"),
-)
 MEASURES = {  # of `domain_gap`: title, scale
     "mask_overlap": ("overlap of the masks (IoU)", 1), "ring_right": ("right rings (%)", 100),
     "pose_right": ("right poses (%)", 100),
 }  # fmt: skip
 SHIFTS = {"rgb": -0.15, "event": 0.15}  # of a camera's marks, beside a light
 PROMISES = (("position_m", "mm", 1e3), ("normal_deg", "°", 1.0))  # what, unit, scale
-
-
-def draw_gap(high: pd.DataFrame, low: pd.DataFrame):
-    """Figure of errors and detection rates over the lights: the high gap on the left, the low on the right.
-
-    Parameters
-    ----------
-    high, low
-        Rows of `table1.compare` of a domain gap and of one choice of outlier filter.
-    """
-    fig, axes = plt.subplots(len(PANELS), 2, figsize=(7.5, 4.8), sharex=True)
-    for row, (metric, statistic, scale, label) in enumerate(PANELS):
-        for ax, gap in zip(axes[row], (high, low), strict=True):
-            _draw_beside_paper(ax, gap[(gap.metric == metric) & (gap.statistic == statistic)], scale)
-        axes[row, 0].set_ylabel(label)
-    for column, title in enumerate(("high domain gap", "low domain gap")):
-        axes[0, column].set(title=title, yscale="log")
-        axes[1, column].set_xticks(range(len(LIGHTS)), TITLES.values())
-    axes[0, 1].legend(fontsize=8)
-    return fig
-
-
-def _draw_beside_paper(ax, cells: pd.DataFrame, scale: float) -> None:
-    """Our values with their intervals, and the paper's, over the lights."""
-    x = np.arange(len(LIGHTS))
-    for m, shift in SHIFTS.items():
-        cell = cells[cells.modality == m].set_index("light").loc[list(LIGHTS)]
-        values = scale * cell[["ours", "ours_low", "ours_high", "table1"]]
-        draw_intervals(ax, x + shift, values.ours, values.ours_low, values.ours_high, COLOUR[m],
-                       f"{CAMERAS[m]}, ours")  # fmt: skip
-        ax.plot(x + shift, values.table1, "D", ms=5, color=COLOUR["paper"],
-                label="paper" if m == "rgb" else None)  # fmt: skip
 
 
 def draw_costs(table: pd.DataFrame, place: str = "film"):
@@ -157,5 +121,8 @@ def draw_promise(promise: pd.DataFrame):
             ends = np.array(ax.get_xlim())
             ax.plot(ends, ends * np.sqrt(chi2.ppf(share, 1)), color=COLOUR["ink"], lw=1)
         ax.set(xlabel=f"predicted ({unit})", ylabel=f"error ({unit})", title=what.split("_")[0])
+        for axis in (ax.xaxis, ax.yaxis):  # 0.3, not 3 x 10^-1
+            axis.set(major_locator=LogLocator(subs=(1, 3)), major_formatter="{x:g}")
+            axis.set_minor_formatter(NullFormatter())
     axes[0].legend(fontsize=8)
     return fig

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from .drawings import COLOUR
+from .tables import CAMERAS
 
-METHOD_COLOUR = {"EVO event": "#777777", "ORB-SLAM3 event": COLOUR["rival"], "ORB-SLAM3 rgb": COLOUR["ours"],
+METHOD_COLOUR = {"EVO event": "#777777", "ORB-SLAM3 event": COLOUR["rival"], "ORB-SLAM3 rgb": "#6A4C93",
                  "lmmap event": COLOUR["event"], "lmmap rgb": COLOUR["rgb"], "SVO event": COLOUR["paper"],
                  "SVO rgb": "#009E73"}  # fmt: skip
+
+
+def in_words(name: str) -> str:
+    """A key of `METHOD_COLOUR` as legends have it: "SVO, frames"."""
+    method, modality = name.rsplit(" ", 1)
+    return f"{method}, {CAMERAS[modality]}"
 
 
 def draw_boxes(ax, groups: dict[str, list[np.ndarray]], ticks: list[str]) -> None:
@@ -25,7 +32,7 @@ def draw_boxes(ax, groups: dict[str, list[np.ndarray]], ticks: list[str]) -> Non
                        whiskerprops=ink, capprops=ink, medianprops=ink, showfliers=False,
                        manage_ticks=False, patch_artist=True,
                        boxprops={"facecolor": ink["color"] + "60", "edgecolor": ink["color"]})  # fmt: skip
-        ax.plot([], [], color=ink["color"], linewidth=6, alpha=0.6, label=name)
+        ax.plot([], [], color=ink["color"], linewidth=6, alpha=0.6, label=in_words(name))
     ax.set_xticks(range(len(ticks)), ticks)
     ax.set_xlim(-0.6, len(ticks) - 0.4)
 
@@ -42,6 +49,6 @@ def draw_tracking(ax, times_s: dict[str, list[np.ndarray]], gap_s: float = 0.3) 
                     ax.plot(part[[0, -1]], [at, at], color=METHOD_COLOUR[name], solid_capstyle="butt")
             at += 1
         at += 2
-    ax.set_yticks(rows, list(times_s))
+    ax.set_yticks(rows, list(map(in_words, times_s)))
     ax.set_ylim(at - 1, -1)  # not inverted, which two axes that share it would undo
     ax.grid(axis="y", visible=False)

@@ -23,7 +23,7 @@ STYLES = {  # colour and marker of a network; ordinary ones that take the whole 
     "ordinary": ("rgb", "x"),
 }  # fmt: skip
 LABELS = {"slices": "slices T", "events": "events so far (thousands)"}
-WORDS = {"iou_ring": "overlap of the ring's mask", "iou_markers": "overlap of the markers' masks",
+WORDS = {"iou_ring": "overlap of the ring mask", "iou_markers": "overlap of the marker masks",
          "right_percent": "right poses (%)", "wrong_percent": "wrong poses (%)"}  # fmt: skip
 
 

@@ -110,7 +110,7 @@ def shares_with_ends(rows: pd.DataFrame, what: str, form: str = ".0f") -> pd.Ser
 
 
 def small_intervals(table: pd.DataFrame):
-    """A styled table of texts; what a text has in brackets stands in small letters under it."""
+    """A styled table of texts; what a text has in brackets stands in small print under it."""
     return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))
 
 

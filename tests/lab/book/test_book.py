@@ -77,7 +77,7 @@ def test_a_chapter_runs_in_the_environments_kernel_and_asserts(page):
 @every_chapter
 def test_a_chapter_draws(page):
     drawing = re.compile(
-        r"\b(plt\.|gallery\.draw|\w+_page\.draw|figures\.(?!use_style|COLOUR)|go\.Figure|px\.)"
+        r"\b(plt\.|(?:gallery|waterfall)\.draw|\w+_page\.draw|figures\.(?!use_style|COLOUR)|go\.Figure|px\.)"
     )
     assert drawing.search("\n".join(cells(page))), f"{page.name}: draws no figure"
 

@@ -1,49 +1,23 @@
 """The accuracy chapter's tables: each number where it belongs."""
 
-from itertools import product
-
 import numpy as np
 import pandas as pd
-import pytest
 
 from lmmap_lab.pages import accuracy_page, tables
 from lmmap_lab.studies.verdicts import row
 
 
-def test_differences_are_counted(compared):
-    ends = dict(ours_low=compared.table1, ours_high=compared.table1 + 1)
-    counts = accuracy_page.difference_counts(compared.assign(ours=compared.table1 + 0.5, **ends)).data
-    assert counts["low domain gap", "alike"].tolist() == [6] * (len(tables.WORDS) - 1)
-    ends = dict(ours_low=compared.table1 + 1, ours_high=compared.table1 + 3)
-    counts = accuracy_page.difference_counts(compared.assign(ours=compared.table1 + 2, **ends)).data
-    counts = counts["low domain gap"]
-    rates = counts.index.str.startswith("found")  # more of these is better, of an error it is worse
-    assert counts.better.tolist() == (6 * rates).tolist() and counts.worse.tolist() == (6 * ~rates).tolist()
-
-
-def test_an_ellipse_without_markers_is_found_as_the_paper_counts(compared):
-    cells = compared[["training", "light", "modality"]].drop_duplicates()
-    answers = cells.merge(
-        pd.DataFrame({"status": ["ok", "no_markers", "no_ring"], "in_view": [5, 4, 1]}), "cross"
-    )
-    rates = accuracy_page.detection_rates(answers, compared).data["low light", "frames"].loc["low domain gap"]
-    paper = compared.query("light == 'low' and modality == 'rgb' and statistic == 'in_fov'").table1.item()
-    assert rates.tolist() == pytest.approx([paper, 2 * paper, 90])
-
-
-def test_sequences_stand_by_name_with_their_cameras_together():
-    rows = [(f"test-low-{k}", m, 1e-3 * (k + 1), k, 99, 90) for m in tables.CAMERAS for k in range(2)]
-    names = [
-        "sequence",
-        "modality",
-        "position_error_m",
-        "normal_error_deg",
-        "found_percent",
-        "inside_95_percent",
-    ]
-    table = accuracy_page.sequence_table(pd.DataFrame(rows, columns=names)).data
-    assert table.index.tolist() == list(product(["test-low-0", "test-low-1"], tables.CAMERAS.values()))
-    assert table.loc[("test-low-1", "fused")].tolist() == [2, 1, 99, 90]
+def test_the_gap_s_table_has_the_paper_and_ours_with_each_set(compared):
+    rates = compared[compared.metric == "detection_rate_percent"].assign(metric="wrong_percent")
+    compared = pd.concat([compared, rates])
+    high, low = (compared.assign(table1=v, ours=v + 1, ours_low=v, ours_high=v + 2) for v in (0.01, 0.02))
+    table = accuracy_page.gap_table(high, low)
+    who = [f"{name}, {gap} gap" for gap in ("high", "low") for name in ("paper", "ours")]
+    of_ours = ["ours, high gap", "ours, low gap"]  # the paper states no wrong poses
+    rows = [("position (mm)", who), ("found, ring in view (%)", who), ("wrong, ring in view (%)", of_ours)]
+    assert table.index.tolist() == [(title, name) for title, names in rows for name in names]
+    assert (table.loc[("position (mm)", "paper, high gap")] == "10").all()
+    assert (table.loc[("found, ring in view (%)", "ours, low gap")] == "1.02 (0.02 to 2.02)").all()
 
 
 def test_the_default_networks_table_has_the_lights_and_no_image_without_a_port():
@@ -67,14 +41,6 @@ def test_coverage_by_hand():
     assert table.notna().sum().sum() == 2 and table.shape == (3, 3)
 
 
-def test_saturation_stands_beside_the_papers():
-    rows = [("high", 3.0, 30.0, 0.3), ("low", 1.0, 10.0, 0.1), ("medium", 2.0, 20.0, 0.2)]
-    shares = pd.DataFrame(rows, columns=["light", "low", "high", "rank_correlation"])
-    table = accuracy_page.saturation_table(shares, np.arange(6).reshape(3, 2)).data
-    assert table.loc["medium light"].tolist() == [2, 2, 3, 20, 0.2]
-    assert table.columns.get_level_values(1).tolist() == ["paper", "ours", "paper", "ours", "with the error"]
-
-
 def test_claims_lose_no_column():
     cells = {"printed": ("3; 4", "partly"), "ours": ("5; 6", "holds")}
     claims = pd.DataFrame([row("not_hdr", "1 | 2", cells, "a `rule`", decides="ours")])
@@ -84,7 +50,7 @@ def test_claims_lose_no_column():
         "Numbers: position, median",
         "Holds if: a <code>rule</code>",
         "cause",
-        "1 | 2",
+        "1 and 2",
         "partly<br><small>3; 4",
         "<b>holds</b><br><small>5; 6",
     )
@@ -92,7 +58,14 @@ def test_claims_lose_no_column():
     assert "why" not in tables.to_text(accuracy_page.claims_table(claims))
 
 
+def test_verdicts_stand_by_estimator_and_the_one_that_decides_is_bold():
+    cells = {"printed": ("3; 4", "partly"), "ours": ("5; 6", "holds")}
+    table = accuracy_page.verdict_table(
+        pd.DataFrame([row("not_hdr", "1 | 2", cells, "rule", decides="ours")])
+    ).data
+    assert table[["as printed", "printed formula", "ours"]].iloc[0].tolist() == ["", "partly", "<b>holds</b>"]
+
+
 def test_tables_of_an_earlier_estimator_say_so():
-    assert "made at abc, with the present estimator" in accuracy_page.when_made("abc", [])
-    text = accuracy_page.when_made("abc", ["test-low"])
-    assert "made at abc;" in text and "changed since" in text
+    assert accuracy_page.when_made([]) == "made with the present estimator and networks"
+    assert "made before the estimator" in accuracy_page.when_made(["test-low"])
