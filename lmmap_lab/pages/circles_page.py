@@ -58,8 +58,8 @@ def draw_meridian(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
     pair, printed = circle.poses(contour, camera, radius_m), circle.paper_poses(contour, camera, radius_m)
     k, j = nearest(pair, truth), nearest(printed, truth)
     ends_m = truth @ (radius_m * np.array([[0.0, 1, 0], [0, -1, 0]]))
-    drawn_m = np.abs([T.position_m[1:] + [[radius_m], [-radius_m]] for T in (truth, pair[1 - k], printed[j])])
-    half_m, far_m = 1.05 * drawn_m.max((0, 1))
+    reach_m = np.max([np.abs(T.position_m[1:]) for T in (truth, pair[1 - k], printed[j])], 0) + radius_m
+    half_m, far_m = 1.05 * reach_m
     for end in ends_m:
         ax.plot([0, far_m], [0, far_m * end[1] / end[2]], color=COLOUR["ink"], lw=0.8)
     rows = (truth, "truth", "the ring", "-"), (pair[1 - k], "rival", "its twin", "-"), (
