@@ -58,7 +58,8 @@ def draw_meridian(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
     pair, printed = circle.poses(contour, camera, radius_m), circle.paper_poses(contour, camera, radius_m)
     k, j = nearest(pair, truth), nearest(printed, truth)
     ends_m = truth @ (radius_m * np.array([[0.0, 1, 0], [0, -1, 0]]))
-    far_m = 1.15 * ends_m[:, 2].max()
+    reach_m = np.max([np.abs(T.position_m[1:]) for T in (truth, pair[1 - k], printed[j])], 0) + radius_m
+    half_m, far_m = 1.05 * reach_m
     for end in ends_m:
         ax.plot([0, far_m], [0, far_m * end[1] / end[2]], color=COLOUR["ink"], lw=0.8)
     rows = (truth, "truth", "the ring", "-"), (pair[1 - k], "rival", "its twin", "-"), (
@@ -72,7 +73,6 @@ def draw_meridian(ax, truth: Pose, radius_m: float, camera: Camera) -> None:
         ax.annotate("", tip[[2, 1]], T.position_m[[2, 1]], arrowprops=arrow)
     ax.plot(0, 0, "s", color=COLOUR["ink"], ms=7)
     ax.annotate("camera", (0, 0), (0.004, 0.03), fontsize=9)
-    half_m = 1.3 * np.abs(ends_m[:, 1]).max()
     ax.set(aspect="equal", xlabel="depth (m)", ylabel="y (m)", xlim=(-0.02, far_m), ylim=(half_m, -half_m))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=9)
 

@@ -19,7 +19,7 @@ from lmmap.types import Camera, Port, Recording
 from ..provenance import DATA
 from ..studies.networks import set_hashes
 from ..training import mask_quality
-from . import filters_page
+from . import networks_page
 from .tables import CAMERAS, LIGHTS, shares_with_ends
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
@@ -118,7 +118,7 @@ def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]
 
     Returns
     -------
-    For each camera ``(title, modality, image, true pose)``, as `filters_page.draw_masks` takes them.
+    For each camera ``(title, modality, image, true pose)``, as `networks_page.draw_masks` takes them.
     """
     quality = mask_quality.filter_quality(recording, (domain_gap,), most=most).query("filter == 'ring'")
     pictures = []
@@ -137,7 +137,7 @@ def draw_failures(domain_gap: str, recording: Recording, most: int = 10):
     }
     pictures = worst_masks(domain_gap, recording, most)
     fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
-    filters_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
+    networks_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
     return fig
 
 

@@ -1,4 +1,4 @@
-"""Table and figure of filters of several widths, of the chapter on filters."""
+"""Table and figure of networks of several widths, of the chapter on light networks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def in_words(widths: pd.DataFrame) -> pd.DataFrame:
 
 
 def table(widths: pd.DataFrame) -> pd.DataFrame:
-    """Texts by size and training: what a frame's filter costs, and how well those of each camera do."""
+    """Texts by size and training: what a network for frames costs, and how well those of each camera do."""
     rows = in_words(widths)
     rows = rows.set_index([rows["size"].map(SIZES), rows.training.map(TRAININGS), "modality"])
     frames = rows.xs("rgb", level="modality")
@@ -37,12 +37,12 @@ def table(widths: pd.DataFrame) -> pd.DataFrame:
                     for what in ("right", "wrong")}  # fmt: skip
     of_size = pd.MultiIndex.from_product([SIZES.values(), TRAININGS.values()])
     order = [key for key in of_size if key in frames.index]
-    return pd.DataFrame(columns).loc[order].rename_axis(index=("filters", "learn from"))
+    return pd.DataFrame(columns).loc[order].rename_axis(index=("networks", "learn from"))
 
 
 def draw(widths: pd.DataFrame):
-    """Right poses (above) and the ring's overlap (below) in high light over a filter's operations, a column
-    for each camera."""
+    """Right poses (above) and the ring's overlap (below) in high light over the operations of a network, a
+    column for each camera."""
     rows = in_words(widths)
     rows = rows.assign(gflop=2 * rows.gmacs, depthwise=rows["size"] == "depthwise")
     fig, axes = plt.subplots(2, 2, figsize=(7.6, 5), sharex=True, sharey="row")

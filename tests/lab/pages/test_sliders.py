@@ -12,7 +12,7 @@ from strategies import facing_pose
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.types import EVENT, Ellipse
-from lmmap_lab.pages import ellipses_page, filters_page, histograms_page, sliders
+from lmmap_lab.pages import ellipses_page, histograms_page, networks_page, sliders
 
 
 @pytest.fixture
@@ -54,7 +54,8 @@ def test_five_drawn_points_lie_on_their_conic_and_the_answer_on_most(ring, rng):
 
 def test_a_high_threshold_refuses_and_a_sensible_one_finds(ring, rng):
     mask, truth = ring
-    low, high = filters_page.threshold_steps(mask * 0.9, [0.5, 0.95], truth, rng)
+    (low, high), off_px = networks_page.threshold_steps(mask * 0.9, [0.5, 0.95], truth, rng)
+    assert off_px[0] < 1 and np.isinf(off_px[1])
     assert "no ellipse" in high.title and high.title.startswith("0 ")
     assert "100 % of the contour" in low.title and low.image.sum() > 0 == high.image.sum()
 

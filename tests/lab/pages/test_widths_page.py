@@ -1,4 +1,4 @@
-"""Table and figure of filters of several widths say what the committed results say."""
+"""Table and figure of networks of several widths say what the committed results say."""
 
 import pandas as pd
 import pytest
@@ -31,7 +31,7 @@ def test_a_half_of_the_width_has_a_quarter_of_the_operations_of_all_but_the_ends
             assert 1 / 4 < costs[what][narrow] / costs[what][wide] < 1 / 2
 
 
-def test_the_figure_shows_every_filter_of_equal_steps_once(widths):
+def test_the_figure_shows_every_network_of_equal_steps_once(widths):
     fig = widths_page.draw(widths)
     shown = widths[widths["set"] != "further"]
     for column, modality in enumerate(("rgb", "event")):

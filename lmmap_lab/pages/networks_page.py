@@ -1,4 +1,4 @@
-"""Drawings, the table and the figure with a slider of the chapter on filters."""
+"""Drawings, the table and the figure with a slider of the chapter on networks."""
 
 from __future__ import annotations
 
@@ -101,24 +101,28 @@ def draw_masks(axes, pictures, networks, port: Port) -> None:
         show_image(right, judge_masks(image, modality, T_cam_port, networks, port))
 
 
-def filter_table(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
-    """`mask_quality.medians` by light, styled: a row per filter, a column per measure of fit and light."""
+def mask_table(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
+    """`mask_quality.medians` by light, styled: a row per network, a column per measure of fit and light."""
     words = {"modality": CAMERAS, "filter": {"reflector": "markers"}}
-    renamed = table.replace(words).rename(columns={**FITS, "domain_gap": "domain gap", "modality": "camera"})
-    rows = ["domain gap", "filter", "camera"]
+    names = {"domain_gap": "domain gap", "filter": "marks", "modality": "camera"}
+    renamed, rows = table.replace(words).rename(columns=FITS | names), list(names.values())
     wide = renamed.pivot_table([FITS[fit] for fit in fits], rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")
 
 
-def threshold_steps(mask, levels, truth: Ellipse, rng: np.random.Generator) -> list[Step]:
-    """What a mask (H, W) gives at each threshold: its skeleton, and the ellipse if there is any."""
-    steps = []
+def threshold_steps(mask, levels, truth: Ellipse, rng: np.random.Generator) -> tuple[list[Step], np.ndarray]:
+    """What a mask (H, W) gives at each threshold: its skeleton, and the ellipse if there is any.
+
+    Beside the steps, by how many pixels the centre of each ellipse is off; infinite where there is none.
+    """
+    steps, off_px = [], []
     for level in levels:
         points = skeleton_points(mask, level)
         answer, inliers = ellipse.fit_ransac(points, rng)
         contour = np.empty((0, 2)) if answer is None else answer.points(180)
+        off_px.append(np.inf if answer is None else np.linalg.norm(answer.centre_px - truth.centre_px))
         title = "no ellipse" if answer is None else (
-            f"centre off by {np.linalg.norm(answer.centre_px - truth.centre_px):.2f} px, "
+            f"centre off by {off_px[-1]:.2f} px, "
             f"{100 * ellipse.arc_coverage(answer, points[inliers]):.0f} % of the contour seen")  # fmt: skip
         curves = (
             ("skeleton", points, "event", "markers"),
@@ -127,4 +131,4 @@ def threshold_steps(mask, levels, truth: Ellipse, rng: np.random.Generator) -> l
         )
         binary = binarise(mask, level).astype(float)
         steps.append(Step(f"{level:g}", f"{len(points)} skeleton points; {title}", binary, curves))
-    return steps
+    return steps, np.array(off_px)

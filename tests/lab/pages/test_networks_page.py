@@ -1,4 +1,4 @@
-"""The filters chapter's table: each number where it belongs."""
+"""The table of the chapter on networks: each number where it belongs."""
 
 from itertools import product
 
@@ -7,14 +7,14 @@ import pandas as pd
 from strategies import facing_pose
 
 from lmmap_lab.bench.labels import label_masks
-from lmmap_lab.pages import filters_page
+from lmmap_lab.pages import networks_page
 
 
-def test_filters_stand_by_light_each_with_its_own_numbers():
+def test_networks_stand_by_light_each_with_its_own_numbers():
     of = product(("low", "high"), ("ring", "reflector"), ("rgb", "event"))
     rows = [(light, f, m, "low", 0.1 * k, 1.0 * k) for k, (light, f, m) in enumerate(of)]
     table = pd.DataFrame(rows, columns=["light", "filter", "modality", "domain_gap", "iou", "skeleton_px"])
-    wide = filters_page.filter_table(table).data
+    wide = networks_page.mask_table(table).data
     assert wide.shape == (4, 4)
     words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
     for light, f, m, gap, iou, skeleton_px in rows:
@@ -30,7 +30,7 @@ def test_a_mask_is_judged_against_the_true_pose(port, camera):
         ("reflector", "rgb"): lambda _: markers * 1.0,
     }
     empty = {key: lambda _: np.zeros(ring.shape, np.float32) for key in exact}
-    perfect = filters_page.judge_masks(None, "rgb", T, exact, port)
-    missed = filters_page.judge_masks(None, "rgb", T, empty, port)
+    perfect = networks_page.judge_masks(None, "rgb", T, exact, port)
+    missed = networks_page.judge_masks(None, "rgb", T, empty, port)
     assert len(np.unique(perfect.reshape(-1, 3), axis=0)) == 2  # right, and background
     assert not np.array_equal(perfect[ring > 0][0], missed[ring > 0][0])
