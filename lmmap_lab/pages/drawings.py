@@ -139,7 +139,7 @@ def draw_intervals(ax, x, value, low, high, colour: str, label: str) -> None:
 
 
 def plain_log(axis) -> None:
-    """Let a logarithmic axis (``ax.xaxis`` or ``ax.yaxis``) have ticks at 1, 2 and 5, written as plain numbers."""
+    """Let a logarithmic axis (``ax.xaxis`` or ``ax.yaxis``) have ticks at 1, 2 and 5, in plain numbers."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())

@@ -33,7 +33,7 @@ ONE_PLACE = {  # where a number is glued, and how; every other page takes it fro
     "sensitivity_45_deg": ("sensitivity.md", "sensitivity_45_deg"),
     "intro_minutes": ("intro.md", "intro_minutes"),
     "hard_noise_ours": ("hard-cases.md", "hard_noise_ours"),
-    "bench_frames_p95": ("bench.md", "bench_{name}_p95"),
+    "bench_frames_p95": ("port.md", "bench_{name}_p95"),
 }
 LIMITS = ("right_position_m", "right_normal_rad", "right_rotation_rad")
 
@@ -94,7 +94,7 @@ def test_the_button_head_on_gives_the_formula_s_own_number():
 
 
 def test_white_pixels_of_the_test_come_from_one_table():
-    for place in ("bench.md", "accuracy.md"):
+    for place in ("port.md", "accuracy.md"):
         assert 'COMMITTED / "saturation.csv"' in PAGES[place] and "saturation-test" not in PAGES[place]
 
 
