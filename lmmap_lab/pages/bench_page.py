@@ -1,4 +1,4 @@
-"""The plan of the laboratory, of the chapter on the bench."""
+"""The plan of the laboratory and what one pixel of its event sensor sees, of the chapter on the bench."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 
 from lmmap.types import Camera, Port
 
-from ..bench.laboratory import COLOCATED_M, EARTHSHINE_M, SUN_M
+from ..bench import sequences
+from ..bench.event_sensor import EventSensor, SensorSettings
+from ..bench.laboratory import COLOCATED_M, EARTHSHINE_M, SUN_M, Sequence
 from .drawings import COLOUR
 
 LAMPS = {
@@ -43,3 +45,23 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
         ax.annotate(name, (x, z), at, ha="center" if x > 0.5 else "left")
     ax.set(aspect="equal", xlim=(-2.5, 1.5), ylim=(-1.15, 0.85), xlabel="x (m)", ylabel="z, depth (m)",
            title="the laboratory from above")  # fmt: skip
+
+
+class _Tap(EventSensor):
+    """An event sensor that notes what one pixel (u, v) is shown."""
+
+    def __init__(self, pixel, *args):
+        super().__init__(*args)
+        (self.u, self.v), self.seen = pixel, []
+
+    def __call__(self, intensity, t_us):
+        self.seen.append((t_us, float(intensity[self.v, self.u, 0])))
+        return super().__call__(intensity, t_us)
+
+
+def watch_pixel(sequence: Sequence, camera: Camera, port: Port, pixel, seconds: float) -> tuple:
+    """Times (K,) in microseconds and light (K,) in 8-bit units at one pixel (u, v), and its events (N,)."""
+    tap = _Tap(pixel, camera, SensorSettings(), sequence.rng(f"events {sequence.light}"))
+    events = np.concatenate([e for _, e, _ in sequences.stream(sequence, camera, port, seconds, tap)])
+    own = events[(events["x"] == tap.u) & (events["y"] == tap.v)]
+    return *np.array(tap.seen).T, own

@@ -8,6 +8,7 @@ import cycler
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 from pandas.io.formats.style import Styler
 
 from lmmap.geometry.port import circle_points_m
@@ -135,6 +136,13 @@ def draw_intervals(ax, x, value, low, high, colour: str, label: str) -> None:
     """Draw dots (N,) over ``x``, each with a bar from the low to the high end of its interval."""
     ax.errorbar(x, value, np.abs([value - low, high - value]), fmt="o", ms=4, capsize=3, color=colour,
                 label=label)  # fmt: skip
+
+
+def plain_log(axis) -> None:
+    """Let a logarithmic axis (``ax.xaxis`` or ``ax.yaxis``) have ticks at 1, 2 and 5, in plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def draw_cumulative(ax, values, label: str, colour: str, **style) -> None:

@@ -1,4 +1,4 @@
-"""The figure with a slider of the chapter on ellipses."""
+"""The figure with a slider of the chapter on ellipses, and the points of its trials."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from lmmap.geometry.conic_fit import five_point_conics, normalise, sampson_dista
 from lmmap.geometry.conics import conic_matrix, ellipse_from_conic
 from lmmap.pipeline import ellipse
 from lmmap.settings import OURS, Settings
+from lmmap.types import Camera, Ellipse
 
 from .sliders import Step
 
@@ -45,6 +46,23 @@ def ransac_steps(
     contour = NOTHING_PX if answer is None else answer.points(180)
     title = f"after {settings.ransac_hypotheses} draws and refits: {inliers.sum()} of {len(x)} points"
     return [*steps, _step("all", title, mask, points_px, inliers, NOTHING_PX, contour)]
+
+
+def half_ellipse(
+    outliers: float, camera: Camera, rng: np.random.Generator, count: int = 400, noise_px: float = 0.5
+) -> tuple[Ellipse, np.ndarray]:
+    """An ellipse, and points (count, 2): a share of them anywhere in the image, the others on one half of it.
+
+    Parameters
+    ----------
+    outliers : the share of wrong points, from 0 to 1
+    noise_px : standard deviation of the good points' coordinates
+    """
+    a, wrong = rng.uniform(35, 85), int(count * outliers)
+    drawn = Ellipse(rng.uniform([110, 90], [236, 170]), [a, a * rng.uniform(0.4, 1)], rng.uniform(0, np.pi))
+    half = (rng.integers(3600) + rng.integers(0, 1800, count - wrong)) % 3600
+    good_px = drawn.points(3600)[half] + noise_px * rng.standard_normal((count - wrong, 2))
+    return drawn, np.vstack([good_px, rng.uniform(0, camera.size_px, (wrong, 2))])
 
 
 def _step(label, title, mask, points_px, on, five_px, contour) -> Step:

@@ -7,7 +7,7 @@ import numpy as np
 
 from lmmap.estimation.images import images
 from lmmap.pipeline.estimator import Estimator
-from lmmap.settings import MODALITIES
+from lmmap.settings import MODALITIES, PAPER
 from lmmap.types import Camera, Ellipse, Recording
 
 from .drawings import COLOUR, draw_estimate
@@ -17,27 +17,32 @@ AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 REPRODUCE_MINUTES = 12  # of `make reproduce` on two cores, without the installation; README says the same
 # what a step does, what it gives, and its colour: see `draw_flow`
 FLOW = (
-    ("frame, or\n35,000 events", "image", "ink"), ("ring network\n(CNN)", "mask", "event"),
-    ("skeleton,\nRANSAC", "ellipse", "rgb"), ("circle's\ncone", "two poses", "rgb"),
-    ("marker network\n(CNN)", "mask", "event"), ("correlation\nwith CAD", "pose, yaw", "rgb"),
-    ("joint\nrefinement", "covariance", "truth"), ("outlier\nfilter", "trajectory", "rgb"),
+    (f"frame, or\n{PAPER.events_per_window:,} events", "image", "ink"), ("ring\nnetwork", "mask", "event"),
+    ("skeleton,\nRANSAC", "ellipse", "rgb"), ("exact\ncircle", "two poses", "truth"),
+    ("marker\nnetwork", "mask", "event"), ("correlation\nwith CAD", "pose", "rgb"),
+    ("joint\nrefinement", "finer pose", "truth"), ("confidence", "sure pose", "truth"),
+    ("outlier\nfilter", "trajectory", "rgb"),
 )  # fmt: skip
+IN_A_ROW = 5
 
 
 def draw_flow():
     """Draw the pipeline as boxes: orange is learnt, blue is geometry, green is not in the paper."""
-    fig, ax = plt.subplots(figsize=(7.2, 2.4))
-    arrow = {"arrowstyle": "->", "color": COLOUR["ink"]}
+    fig, ax = plt.subplots(figsize=(7.6, 2.6))
+    arrow = {"arrowstyle": "->", "color": COLOUR["ink"], "shrinkA": 0}
     for k, (does, gives, colour) in enumerate(FLOW):
-        x, y = k % 4, -(k // 4)
-        box = {"boxstyle": "round,pad=0.45", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
-        ax.text(x, y, does, ha="center", va="center", fontsize=9, bbox=box)
-        ax.text(x + 0.5, y - 0.22, gives, ha="center", va="center", fontsize=8, style="italic")
-        if k != 3:
-            ax.annotate("", (x + 0.65, y), (x + 0.36, y), arrowprops=arrow)
-    ax.plot([3.36, 3.85, 3.85, -0.5, -0.5], [0, 0, -0.5, -0.5, -1], color=COLOUR["ink"], lw=1)
-    ax.annotate("", (-0.38, -1), (-0.51, -1), arrowprops=arrow)
-    ax.set(xlim=(-0.55, 3.9), ylim=(-1.4, 0.4))
+        x, y = k % IN_A_ROW, -1.3 * (k // IN_A_ROW)
+        box = {"boxstyle": "round,pad=0.4", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
+        ax.text(x, y, does, ha="center", va="center", fontsize=8.5, bbox=box)
+        if x == IN_A_ROW - 1:  # on to the row below
+            turn = y - 0.65
+            ax.plot([x, x, 0], [y - 0.3, turn, turn], color=COLOUR["ink"], lw=1)
+            ax.annotate("", (0, y - 1), (0, turn), arrowprops=arrow)
+            ax.text(x / 2, turn + 0.12, gives, ha="center", fontsize=8, style="italic")
+        else:
+            ax.annotate("", (x + 0.62, y), (x + 0.38, y), arrowprops=arrow)
+            ax.text(x + 0.5, y - 0.32, gives, ha="center", va="center", fontsize=8, style="italic")
+    ax.set(xlim=(-0.5, IN_A_ROW - 0.45), ylim=(-1.75, 0.4))
     ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
     ax.set_axis_off()
     return fig

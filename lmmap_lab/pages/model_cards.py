@@ -62,7 +62,7 @@ def of_networks(table: str) -> str:
     facts = json.loads((DATA / "results" / f"{table}.provenance.json").read_text())
     if facts.get("networks") == set_hashes(OURS.weights):
         return "of the present networks"
-    return f"of the networks before the last training (commit {facts['commit']})"
+    return "of the networks before the last training"
 
 
 def tests(domain_gap: str) -> pd.DataFrame:

@@ -1,9 +1,11 @@
 """Ink and colours of figures stand out on both pages as WCAG 2.1 asks at level AA: text 4.5:1, lines 3:1."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from lmmap_lab.pages import drawings
 from lmmap_lab.pages.drawings import COLOUR
 
 WHITE, DARK, SHEET = "#ffffff", "#14181e", "#f4f4f4"  # the two pages, and the sheet below pictures on one
@@ -34,3 +36,13 @@ def test_a_colour_stands_out_on_either_page(name):
     least = 4.5 if name == "ink" else 3
     assert contrast(COLOUR[name], WHITE) >= least and contrast(COLOUR[name], SHEET) >= least
     assert contrast(on_dark_page(COLOUR[name]), DARK) >= least
+
+
+def test_ticks_of_a_logarithmic_axis_are_plain_numbers():
+    fig, ax = plt.subplots()
+    ax.semilogy([0, 1], [0.3, 0.9])
+    drawings.plain_log(ax.yaxis)
+    fig.canvas.draw()
+    shown = [text.get_text() for text in ax.get_yticklabels(which="both") if text.get_text()]
+    assert "0.5" in shown and all(float(text) > 0 and "e" not in text for text in shown)
+    plt.close(fig)

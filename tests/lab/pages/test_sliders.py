@@ -11,6 +11,7 @@ from strategies import facing_pose
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
+from lmmap.pipeline import ellipse
 from lmmap.types import EVENT, Ellipse
 from lmmap_lab.pages import ellipses_page, histograms_page, networks_page, sliders
 
@@ -50,6 +51,13 @@ def test_five_drawn_points_lie_on_their_conic_and_the_answer_on_most(ring, rng):
         counted.append(len(on))
     assert f"best so far {max(counted)}" in steps[-2].title
     assert len(steps[-1].curves[1][1]) >= 90
+
+
+def test_half_an_ellipse_has_its_wrong_points_and_no_others_off_one_half(camera, rng):
+    drawn, points = ellipses_page.half_ellipse(0.4, camera, rng, count=100, noise_px=0.0)
+    near = np.linalg.norm(points[:, None] - drawn.points(3600), axis=-1).min(1) < 1e-6
+    assert near[:60].all() and near[60:].sum() < 5
+    assert ellipse.arc_coverage(drawn, points[:60]) <= 0.52
 
 
 def test_a_high_threshold_refuses_and_a_sensible_one_finds(ring, rng):
