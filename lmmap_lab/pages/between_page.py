@@ -1,4 +1,4 @@
-"""The figures of the chapter on poses between images."""
+"""Poses between images: figures of the chapter on both cameras."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def recent(recording: Recording, t_us: int) -> np.ndarray:
 
 
 def steps(followed: Followed, recording: Recording, port: Port, every: int, from_us: int) -> list[Step]:
-    """What the last image and the track with events say, over the newest events, at some times."""
+    """Where the last image and the track with events place the port, over the newest events, now and then."""
     shown, made = (METHODS[0], METHODS[-1]), []
     for k in range(np.searchsorted(followed.t_us, from_us), len(followed.t_us), every):
         t_us = int(followed.t_us[k])
@@ -46,12 +46,6 @@ def steps(followed: Followed, recording: Recording, port: Port, every: int, from
         made.append(Step(f"{1e-3 * t_us:.0f} ms", f"the last image's pose is {age_ms:.0f} ms old",
                          recent(recording, t_us), curves))  # fmt: skip
     return made
-
-
-def draw_errors(ax, table, column: str) -> None:
-    """Errors of the three methods over time."""
-    for method, rows in table.groupby("method", sort=False):
-        ax.plot(1e-3 * rows.t_us, rows[column], color=COLOUR[COLOURS[method]], label=method)
 
 
 def draw_speeds(ax, speeds, column: str) -> None:

@@ -1,4 +1,4 @@
-"""What the chapter on failures shows: one image answered by the former estimator and by the present one."""
+"""What the chapter on failures shows: the poses found, reported or not, with their confidence."""
 
 from __future__ import annotations
 
@@ -13,21 +13,15 @@ from lmmap.evaluation.error_table import METRICS, errors, is_wrong
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.settings import MODALITIES
-from lmmap.types import Estimate, Port
+from lmmap.types import Port
 
 from ..studies.reliability import share_intervals
 from .drawings import COLOUR
-from .gallery import paintings
 from .tables import CAMERAS, LIGHTS
 
-MARGIN = 1.7  # of a cut-out, in semi-major axes of the ring
-SHARES = {"right": "right (%)", "wrong": "wrong (%)", "none": "no pose (%)"}
 
-
-def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
-    """A row for each image with the ring in view, as the former estimator answered it and as ours does.
-
-    The former one is ours without the limit on the confidence: it reports doubtful poses as well.
+def found_poses(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
+    """A row for each image with the ring in view, with the errors of the pose found, reported or not.
 
     Parameters
     ----------
@@ -39,45 +33,42 @@ def both_answers(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.Data
     Returns
     -------
     DataFrame
-        ``sequence, modality, label, t_us, status``, `METRICS` and ``wrong``; the last two also with the
-        prefix ``former_``; and ``former``, the estimate itself.
+        ``sequence, modality, label, t_us``; ``status`` and ``confidence`` of the answer; `METRICS` (NaN
+        without a pose) and ``wrong`` of the pose found; and ``answer``, the estimate that reports it.
     """
     parts = []
     for label, (name, modality) in labels.items():
-        recording, now = (
-            open_recording(folder / f"{name}.h5"),
-            read_estimates(folder / f"estimates-{label}.csv"),
-        )
-        before = [e if e.doubtful is None else e.judged(e.confidence, 0.0) for e in now]
-        columns = ["t_us", "status", "in_view", *METRICS]
-        table, former = (errors(recording, each, Port.lm_map())[columns] for each in (now, before))
-        table["wrong"], former["wrong"] = is_wrong(table), is_wrong(former)
-        former = (
-            former[[*METRICS, "wrong"]].add_prefix("former_").assign(former=_of_times(before, table.t_us))
-        )
-        table = table.assign(sequence=name, modality=modality, label=label)
-        parts.append(table.join(former).query("in_view"))
+        recording = open_recording(folder / f"{name}.h5")
+        reported = read_estimates(folder / f"estimates-{label}.csv")
+        every = [e if e.doubtful is None else e.judged(e.confidence, 0.0) for e in reported]
+        table = errors(recording, every, Port.lm_map())[["t_us", "in_view", *METRICS]]
+        table = table.assign(sequence=name, modality=modality, label=label, wrong=is_wrong(table))
+        answers = pd.DataFrame({"t_us": [e.t_us for e in every], "status": [str(e.status) for e in reported],
+                                "confidence": [e.confidence for e in every], "answer": every})  # fmt: skip
+        parts.append(table.merge(answers, on="t_us").query("in_view"))
     return pd.concat(parts, ignore_index=True)
 
 
-def _of_times(estimates: list[Estimate], times_us) -> list[Estimate]:
-    by_time = {e.t_us: e for e in estimates}
-    return [by_time[t_us] for t_us in times_us]
+def share_table(poses: pd.DataFrame, sure, titles: Mapping[str, str]) -> pd.DataFrame:
+    """Right and wrong poses in percent of the images: a row per sequence of ``titles`` and camera.
 
-
-def share_table(answers: pd.DataFrame, titles: Mapping[str, str]) -> pd.DataFrame:
-    """Right, wrong and absent poses in percent: a row per sequence of ``titles`` and camera."""
-    rows = []
-    for (name, modality), images in answers.groupby(["sequence", "modality"], sort=False):
-        cells = {"scene": titles[name], "camera": CAMERAS[modality], ("", "images"): len(images)}
-        for title, prefix in (("former", "former_"), ("present", "")):
-            pose, wrong = images[f"{prefix}position_error_m"].notna(), images[f"{prefix}wrong"].astype(bool)
-            shares = {"right": (pose & ~wrong).mean(), "wrong": wrong.mean(), "none": (~pose).mean()}
-            cells |= {(title, words): 100 * shares[key] for key, words in SHARES.items()}
-        rows.append(cells)
-    table = pd.DataFrame(rows).set_index(["scene", "camera"]).rename_axis(index=(None, None))
-    table.columns = pd.MultiIndex.from_tuples(table.columns)
-    return table[["former", "present", ""]]
+    Parameters
+    ----------
+    poses
+        Of `found_poses`.
+    sure
+        Booleans by row: whether a pose is among the confident ones.
+    """
+    found, wrong = poses.position_error_m.notna(), poses.wrong.astype(bool)
+    columns = {(title, kind): 100 * (rows & of_kind)
+               for title, rows in (("every pose", found), ("confident poses", found & sure))
+               for kind, of_kind in (("right (%)", ~wrong), ("wrong (%)", wrong))}  # fmt: skip
+    groups = pd.DataFrame(columns).groupby(
+        [poses.sequence.map(titles), poses.modality.map(CAMERAS)], sort=False
+    )
+    table = groups.mean()
+    table["", "images"] = groups.size()
+    return table.rename_axis(index=(None, None))
 
 
 def looks_table(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -111,24 +102,6 @@ def seen_table(seen: pd.DataFrame) -> pd.DataFrame:
 def cells_in_words(cells: pd.DataFrame) -> str:
     """Rows of ``modality`` and ``light`` as a list: frames in high light, events in high light."""
     return ", ".join(f"{CAMERAS[c.modality]} in {LIGHTS[c.light]}" for c in cells.itertuples())
-
-
-def draw_answers(rows: pd.DataFrame, folder: Path, rate_hz: float, former: bool = True):
-    """Figure of `both_answers`' rows, a column each, cut out around the ring: the present answer, below the
-    ``former`` one."""
-    lines = ("former", "now") if former else ("now",)
-    fig, axes = plt.subplots(len(lines), len(rows), figsize=(7.6, 2.2 * len(lines)), squeeze=False)
-    at = {
-        (row.label, row.t_us): (column, row.former)
-        for column, row in zip(axes.T, rows.itertuples(), strict=True)
-    }
-    for key, paint in paintings(rows, folder, rate_hz, {}):
-        column, before = at[key]
-        for ax, line in zip(column, lines, strict=True):
-            paint(ax, answer=before if line == "former" else None, title=line)
-            (u, v), half = before.ellipse.centre_px, MARGIN * before.ellipse.semi_axes_px[0]
-            ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))
-    return fig
 
 
 def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):

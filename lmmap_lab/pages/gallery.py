@@ -12,14 +12,16 @@ import pandas as pd
 
 from lmmap.estimation.images import timed_images
 from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
+from lmmap.geometry.conics import circle_ellipse
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.types import Estimate, Port, Recording
+from lmmap.types import Ellipse, Estimate, Port, Recording
 
 from . import drawings
 from .tables import ANSWERS, CAMERAS
 
 TILE_IN, COLUMNS, DPI = 1.5, 5, 110
+MARGIN = 1.7  # of a picture around the port, in semi-major axes of the ring
 
 
 def worst(folder: Path, labels: dict[str, tuple[str, str]], count: int = 10) -> pd.DataFrame:
@@ -127,7 +129,7 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMN
 
     Parameters
     ----------
-    rows : ``sequence, modality, label, t_us``
+    rows : ``sequence, modality, label, t_us``, and ``answer`` where an estimate is not the folder's
     folder : has the recordings and their estimates
     rate_hz : the estimates' rate
     """
@@ -136,17 +138,19 @@ def draw(rows: pd.DataFrame, folder: Path, rate_hz: float, columns: int = COLUMN
     fig, axes = plt.subplots(height, columns, figsize=size, squeeze=False)
     for ax in axes.ravel():
         ax.set_axis_off()
-    at = {key: ax for key, ax in zip(zip(rows.label, rows.t_us, strict=True), axes.ravel(), strict=False)}
+    drawn = zip(rows.itertuples(), axes.ravel(), strict=False)
+    at = {(row.label, row.t_us): (ax, getattr(row, "answer", None)) for row, ax in drawn}
     for key, paint in paintings(rows, folder, rate_hz, {}):
-        paint(at[key])
+        ax, answer = at[key]
+        paint(ax, answer=answer)
     return fig
 
 
 def paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict) -> Iterator[tuple]:
     """Yield ``(label, t_us)`` and a function that draws this image on axes.
 
-    The function takes the axes and, as keywords, another ``answer`` than that in ``folder`` and a ``title``
-    for it.  Recordings that ``recordings`` does not hold are read from ``folder``.
+    The function takes the axes and, as a keyword, another ``answer`` than that in ``folder``.  Recordings
+    that ``recordings`` does not hold are read from ``folder``.
     """
     for (name, modality, label), images in rows.groupby(["sequence", "modality", "label"]):
         recording = recordings.get(name) or open_recording(folder / f"{name}.h5")
@@ -160,17 +164,23 @@ def paintings(rows: pd.DataFrame, folder: Path, rate_hz: float, recordings: dict
                 yield (label, t_us), partial(_paint, image, answers[t_us], recording, where)
 
 
-def _paint(image, known: Estimate, recording: Recording, where: str, ax, answer: Estimate | None = None,
-           title: str = "") -> None:  # fmt: skip
-    answer, port = answer or known, Port.lm_map()
+def _paint(image, known: Estimate, recording: Recording, where: str, ax, answer=None) -> None:
+    answer, port, camera = answer or known, Port.lm_map(), recording.camera
     truth = None if recording.truth is None else recording.truth.at(np.array([known.t_us]))[0]
-    drawings.draw_estimate(ax, image, answer, port, recording.camera, truth)
+    drawings.draw_estimate(ax, image, answer, port, camera, truth)
     if answer.T_cam_port is None and answer.ellipse is not None:
         drawings.draw_ellipse(ax, answer.ellipse)
+    _crop(ax, answer.ellipse if truth is None else circle_ellipse(truth, port.ring_radius_m, camera))
     result = ANSWERS[str(answer.status)]
     if answer.T_cam_port is not None and truth is not None:
         turn_deg = np.rad2deg(rotation_error_rad(answer.T_cam_port, truth, port.yaw_period_rad))
         result = f"{1e3 * position_error_m(answer.T_cam_port, truth):.0f} mm, {turn_deg:.0f}°"
     ax.set_axis_off()
-    head = f"{title}: " if title else f"{answer.t_us * 1e-6:.1f} s: "
-    ax.set_title(f"{where}\n{head}{result}", fontsize=8)
+    ax.set_title(f"{where}\n{answer.t_us * 1e-6:.1f} s: {result}", fontsize=8)
+
+
+def _crop(ax, ring: Ellipse | None) -> None:
+    """Show what is around the ring, where one is known: millimetres could not be seen in a whole image."""
+    if ring is not None:
+        (u, v), half = ring.centre_px, MARGIN * ring.semi_axes_px[0]
+        ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))

@@ -1,4 +1,4 @@
-"""Tables and figures of the chapter on hard cases and fusion."""
+"""Hard cases and fusion: tables and figures of the chapter on both cameras, and of the appendix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What the filters find in the published pictures: outlines and numbers; the pictures are the authors'."""
+"""What the networks find in the published pictures: outlines and numbers; the pictures are the authors'.
+
+Also what a wrong CAD does to poses, and how an arm's motion leads to the true pose.
+"""
 
 from __future__ import annotations
 
@@ -9,31 +12,33 @@ import numpy as np
 import pandas as pd
 from matplotlib.collections import PolyCollection
 
-from lmmap.pipeline.weights import DOMAIN_GAPS
-from lmmap.types import Ellipse, Port
+from lmmap.evaluation import error_table
+from lmmap.types import Ellipse, Estimate, Port, Recording
 
+from ..studies.any_lens import markers_px
 from .drawings import COLOUR, draw_ellipse
 from .tables import ANSWERS
 
 AROUND = 1.6  # half the width of a drawing, in semi-major axes of the ring
+SETS = {"high": "high gap", "low": "low gap", "robust": "default"}  # of networks, as the tables call them
 
 
 def draw_outlines(outlines: Mapping[str, dict], titles: Mapping[str, str]):
-    """Figure with a column for each picture of ``titles`` and a row for each set of filters.
+    """Figure with a column for each picture of ``titles`` and a row for each set of networks.
 
     Parameters
     ----------
     outlines
         By picture, as tuning/judge_pictures.py writes them.
     """
-    gaps = [gap for gap in DOMAIN_GAPS if gap in outlines[next(iter(titles))]]
+    gaps = [gap for gap in SETS if gap in outlines[next(iter(titles))]]
     size = (7.6, 7.6 / len(titles) * len(gaps) + 0.4)
     fig, axes = plt.subplots(len(gaps), len(titles), figsize=size, squeeze=False)
     for column, (name, title) in zip(axes.T, titles.items(), strict=True):
         outer = _ellipse(outlines[name]["outer"])
         for ax, gap in zip(column, gaps, strict=True):
             _draw(ax, outlines[name][gap], outer)
-            ax.set_title(f"{title}\n{gap}" if ax is column[0] else gap, fontsize=8)
+            ax.set_title(f"{title}\n{SETS[gap]}" if ax is column[0] else SETS[gap], fontsize=8)
     return fig
 
 
@@ -57,7 +62,7 @@ def _ellipse(values) -> Ellipse:
 
 
 def found_table(pictures: pd.DataFrame, what: pd.DataFrame) -> pd.DataFrame:
-    """A row per picture, a column per set of filters: what is found, and whether the ring is right.
+    """A row per picture, a column per set of networks: what is found, and whether the ring is right.
 
     Parameters
     ----------
@@ -69,9 +74,23 @@ def found_table(pictures: pd.DataFrame, what: pd.DataFrame) -> pd.DataFrame:
     visible = pictures.groupby("picture").major_ratio.apply(lambda ratio: ratio.notna().any())
     texts = pictures.assign(text=[_said(row) for row in pictures.itertuples()])
     table = texts.pivot(index="picture", columns="filters", values="text")
-    table = table[[gap for gap in DOMAIN_GAPS if gap in table]]
+    table = table[[gap for gap in SETS if gap in table]].rename(columns=SETS)
     order = visible.sort_values(ascending=False, kind="stable").index
     return table.loc[order].rename(index=what.what).rename_axis(index=None, columns=None)
+
+
+def found_counts(pictures: pd.DataFrame, visible: list[str]) -> pd.DataFrame:
+    """Right rings without and with the local search, and reported poses, in the ``visible`` pictures.
+
+    There is a row for each set of networks.  ``pictures`` as in `found_table`, without and with that search.
+    """
+    seen = pictures[pictures.picture.isin(visible)]
+    rings = seen.pivot_table(index="filters", columns="local_search", values="ring_right", aggfunc="sum")
+    posed = seen[seen.local_search & (seen.status == "ok")].groupby("filters").ring_right
+    counts = {"right rings, first search": rings[False], "right rings, local search too": rings[True],
+              "poses": posed.size(), "poses of a wrong ring": posed.size() - posed.sum()}  # fmt: skip
+    table = pd.DataFrame(counts).loc[list(SETS)].fillna(0).astype(int)
+    return table.rename(index=SETS).rename_axis(index=None)
 
 
 def _said(row) -> str:
@@ -80,6 +99,28 @@ def _said(row) -> str:
     if not row.ring_right:
         return "a wrong ring"
     return f"ring, {row.centre_px:.1f} px off" + (", pose" if row.pose_plausible else "")
+
+
+def judge_cad(recording: Recording, estimates: list[Estimate], cad: Port, port: Port) -> dict[str, float]:
+    """Medians over estimates that were made with ``cad`` of a recording that shows ``port``."""
+    posed = [e for e in estimates if e.T_cam_port is not None]
+    off = error_table.errors(recording, posed, port).median(numeric_only=True)
+    truths = recording.truth.at(np.array([e.t_us for e in posed]))
+    drawn_px = [markers_px(e.T_cam_port, cad, recording.camera) for e in posed]
+    true_px = [markers_px(T, port, recording.camera) for T in truths]
+    return {
+        "position off (mm)": 1e3 * off.position_error_m,
+        "normal off (°)": off.normal_error_deg,
+        "markers drawn off (px)": np.median([*map(_apart, drawn_px, true_px)]),
+        "probability of being right": np.median([e.confidence for e in posed]),
+        "markers seem off the CAD (px)": np.median([e.markers_off_px for e in posed]),
+    }
+
+
+def _apart(corners_px, others_px) -> float:
+    """Root mean square distance of corners (..., 2) from the nearest of others."""
+    between = corners_px.reshape(-1, 1, 2) - others_px.reshape(-1, 2)
+    return float(np.sqrt((between**2).sum(-1).min(1).mean()))
 
 
 def draw_chain(ax) -> None:

@@ -32,7 +32,7 @@ ONE_PLACE = {  # where a number is glued, and how; every other page takes it fro
     "circles_worse": ("circles.md", "circles_worse"),
     "sensitivity_45_deg": ("sensitivity.md", "sensitivity_45_deg"),
     "intro_minutes": ("intro.md", "intro_minutes"),
-    "hard_noise_ours": ("hard-cases.md", "hard_noise_ours"),
+    "hard_noise_ours": ("both-cameras.md", "hard_noise_ours"),
     "bench_frames_p95": ("port.md", "bench_{name}_p95"),
 }
 LIMITS = ("right_position_m", "right_normal_rad", "right_rotation_rad")

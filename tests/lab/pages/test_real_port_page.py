@@ -1,12 +1,16 @@
 """Outlines of what was found, and the table that says whether it is right."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 from lmmap.pipeline.weights import DOMAIN_GAPS
-from lmmap.types import Port
+from lmmap.recordings.formats import open_recording
+from lmmap.types import Estimate, Port, Status
 from lmmap_lab.pages import real_port_page
+from lmmap_lab.provenance import DATA
 
 
 def test_a_drawing_shows_the_ring_by_hand_and_the_ellipse_widened_to_its_edge():
@@ -14,7 +18,7 @@ def test_a_drawing_shows_the_ring_by_hand_and_the_ellipse_widened_to_its_edge():
     lost = {"ellipse": None, "mask": [], "status": "no_ring"}
     outlines = {"a": {"outer": [50, 40, 22, 16, 0.0], "high": fitted, "low": fitted, "robust": lost}}
     fig = real_port_page.draw_outlines(outlines, {"a": "a picture"})
-    assert [ax.get_title() for ax in fig.axes] == ["a picture\nhigh", "low", "robust"]
+    assert [ax.get_title() for ax in fig.axes] == ["a picture\nhigh gap", "low gap", "default"]
     assert [len(ax.lines) for ax in fig.axes] == [2, 2, 1]
     width = np.ptp(fig.axes[0].lines[1].get_xdata())
     port = Port.lm_map()
@@ -41,3 +45,26 @@ def test_the_chain_names_its_four_frames_and_dashes_only_what_is_unknown():
     dashed = [text.xy for text in arrows if text.arrow_patch.get_linestyle() == "--"]
     assert len(arrows) == 4 and len(dashed) == 1
     plt.close(fig)
+
+
+def test_found_rings_and_poses_are_counted_by_set():
+    rows = pd.DataFrame({
+        "picture": ["a", "b", "unseen"] * 6, "filters": np.repeat(DOMAIN_GAPS[:3], 6),
+        "local_search": np.tile(np.repeat([False, True], 3), 3), "ring_right": [True, False, True] * 6,
+        "status": ["ok", "ok", "no_ring"] * 3 + ["unsure"] * 9,
+    })  # fmt: skip
+    table = real_port_page.found_counts(rows, ["a", "b"])
+    assert table.loc["high gap"].tolist() == [1, 1, 2, 1]
+    assert table.loc["default"].tolist() == [1, 1, 0, 0]
+
+
+def test_a_cad_as_the_port_s_draws_its_markers_where_they_are():
+    recording, port = open_recording(DATA / "mini" / "test-low.aedat4"), Port.lm_map()
+    t_us = int(recording.frames_t_us[3])
+    exact = Estimate(
+        t_us, Status.OK, recording.truth.at(np.array([t_us]))[0], confidence=0.5, markers_off_px=0.0
+    )
+    right = real_port_page.judge_cad(recording, [exact], port, port)
+    assert right["markers drawn off (px)"] < 1e-6 and right["position off (mm)"] < 1e-6
+    wrong = real_port_page.judge_cad(recording, [exact], replace(port, plate_height_m=0.046), port)
+    assert wrong["markers drawn off (px)"] > 0.5 and wrong["probability of being right"] == 0.5
