@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,7 +17,7 @@ from .drawings import COLOUR, show_image
 from .sliders import Step
 from .tables import CAMERAS
 
-FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)", "stray": "astray", "missed": "missed"}
+FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)"}
 
 
 def draw_architecture(ax, net, size_px) -> None:
@@ -101,12 +99,12 @@ def draw_masks(axes, pictures, networks, port: Port) -> None:
         show_image(right, judge_masks(image, modality, T_cam_port, networks, port))
 
 
-def mask_table(table: pd.DataFrame, fits: Sequence[str] = ("iou", "skeleton_px")):
+def mask_table(table: pd.DataFrame):
     """`mask_quality.medians` by light, styled: a row per network, a column per measure of fit and light."""
     words = {"modality": CAMERAS, "filter": {"reflector": "markers"}}
     names = {"domain_gap": "domain gap", "filter": "marks", "modality": "camera"}
     renamed, rows = table.replace(words).rename(columns=FITS | names), list(names.values())
-    wide = renamed.pivot_table([FITS[fit] for fit in fits], rows, "light", sort=False)
+    wide = renamed.pivot_table(list(FITS.values()), rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")
 
 
