@@ -322,7 +322,8 @@ def test_no_term_of_the_walk_stands_before_the_chapter_that_defines_it():
     for term, where in terms().items():
         assert where in order, term
         defined = prose(BOOK / f"{where}.md")
-        assert re.search(rf"\*{r'\s+'.join(term.split())}\w*\*", defined, re.I), f"{where}.md: no *{term}*"
+        words_of_it = r"\s+".join(term.split())
+        assert re.search(rf"\*{words_of_it}\w*\*", defined, re.I), f"{where}.md: no *{term}*"
         early = [page.stem for page in WALK if order.index(page.stem) < order.index(where)
                  and re.search(rf"(?<![\w/.-]){re.escape(term)}s?(?![\w.-])", prose(page), re.I)]  # fmt: skip
         assert not early, f"{term!r} is defined in {where}, but used in {early}"
