@@ -43,11 +43,13 @@ class Spike(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, above):
+        """Spikes of what is above the threshold."""
         ctx.save_for_backward(above)
         return (above >= 0).to(above.dtype)
 
     @staticmethod
     def backward(ctx, gradient):
+        """The gradient through a triangle about the threshold."""
         (above,) = ctx.saved_tensors
         return gradient * (1 - above.abs() / SURROGATE_WIDTH).clamp(min=0) / SURROGATE_WIDTH
 
