@@ -1,0 +1,67 @@
+"""Figures and tables of the chapter on networks that learn a place by themselves."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from ..studies import places
+from ..studies.table1 import LIGHTS
+from .drawings import COLOUR
+from .tables import CAMERAS
+from .tables import LIGHTS as WORDS
+
+
+def draw_places(images: pd.DataFrame):
+    """Right poses of each recording before and after, joined by a line, and wrong ones as crosses: a panel a
+    light, frames over events.
+
+    Parameters
+    ----------
+    images : what benchmarks/adapt_places.py keeps of each image
+    """
+    table = places.by_recording(images)
+    lights = [light for light in LIGHTS if light in table.index.get_level_values("light")]
+    fig, axes = plt.subplots(1, len(lights), figsize=(7.6, 3.6), sharex=True, squeeze=False)
+    for ax, light in zip(axes[0], lights, strict=True):
+        cell = table.loc[light].sort_index(level=["modality", "learned_on"], ascending=[True, True])
+        for y, ((_, modality), row) in enumerate(cell.iterrows()):
+            before, after = row["right"][["before", "after"]]
+            ax.plot([before, after], [y, y], color=COLOUR[modality], lw=1.2)
+            ax.plot(before, y, "o", ms=5, color=COLOUR[modality], markerfacecolor="white")
+            ax.plot(after, y, "o", ms=5, color=COLOUR[modality])
+            ax.plot(row["wrong", "after"], y, "x", ms=4, color=COLOUR["ink"])
+        ax.set(title=WORDS[light], xlim=(-3, 103), xlabel="images (%)", yticks=[])
+    marks = {"frames": "rgb", "events": "event"}
+    handles = [plt.Line2D([], [], marker="o", color=COLOUR[m], label=name) for name, m in marks.items()]
+    handles += [plt.Line2D([], [], ls="", marker=m, color=COLOUR["ink"], markerfacecolor=f, label=name)
+                for name, m, f in (("right before", "o", "white"), ("right after", "o", COLOUR["ink"]),
+                                   ("wrong after", "x", None))]  # fmt: skip
+    fig.legend(handles=handles, ncols=5, loc="outside lower center", fontsize=8)
+    return fig
+
+
+def light_table(images: pd.DataFrame) -> pd.DataFrame:
+    """Texts by light and camera: right and wrong poses before and after, with 95 % intervals."""
+    cells = places.by_light(images).set_index(["light", "modality", "when"])
+    text = {}
+    for what in places.COUNTED:
+        ends = cells[[f"{what}_percent", f"{what}_percent_low", f"{what}_percent_high"]].to_numpy()
+        text[what] = [f"{v:.1f} ({low:.0f} to {high:.0f})" for v, low, high in ends]
+    shown = pd.DataFrame(text, cells.index).unstack("when")[
+        [(w, k) for w in places.COUNTED for k in places.WHEN]
+    ]
+    shown[("", "recordings")] = cells.recordings.xs("before", level="when")
+    order = [(light, m) for light in LIGHTS for m in ("rgb", "event") if (light, m) in shown.index]
+    shown = shown.loc[order].rename(index=WORDS | CAMERAS)
+    return shown.rename(columns={w: f"{w} (%)" for w in places.COUNTED}, level=0).rename_axis(
+        index=["", ""], columns=[None, None]
+    )
+
+
+def label_kinds(poses_own: np.ndarray, poses_track: np.ndarray) -> pd.Series:
+    """How many images are taught by their own pose, by the track, or not at all; of flags (N,)."""
+    own, track = np.asarray(poses_own, bool), np.asarray(poses_track, bool)
+    counts = {"its own pose": own.sum(), "the track": (track & ~own).sum(), "nothing": (~own & ~track).sum()}
+    return pd.Series(counts, name="images")

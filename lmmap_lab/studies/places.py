@@ -1,0 +1,73 @@
+"""What networks gain that learn a place by themselves: right and wrong poses before and after, of recordings
+that `benchmarks/adapt_places.py` judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ..bench import laboratory, varied
+from .bootstrap import interval
+
+COUNTED = ("right", "wrong")
+WHEN = ("before", "after")
+KEY = ["learned_on", "modality"]
+
+
+def light_of(place: str) -> str:
+    """The light of ``NAME:SECONDS``, where a name is the bench's, a varied laboratory's or ``scene-N``."""
+    name = place.partition(":")[0].replace("scene-", "realistic-")
+    if name.startswith("varied-"):
+        return varied.light_of(int(name.split("-")[1]))
+    return laboratory.sequence(name).light
+
+
+def with_both(images: pd.DataFrame) -> pd.DataFrame:
+    """A row an image ``before`` and ``after``, and its ``light``: networks that were not taken leave all as it
+    was."""
+    taken = images[images.when == "after"].set_index(KEY).index.unique()
+    kept = images[~images.set_index(KEY).index.isin(taken)].assign(when="after")
+    both = pd.concat([images, kept], ignore_index=True)
+    return both.assign(
+        light=both.learned_on.map({place: light_of(place) for place in both.learned_on.unique()})
+    )
+
+
+def by_recording(images: pd.DataFrame) -> pd.DataFrame:
+    """Percent of right and wrong poses by light, recording and camera (rows), before and after (columns)."""
+    groups = with_both(images).groupby(["light", *KEY, "when"])
+    counts = groups[list(COUNTED)].mean().mul(100).assign(images=groups.size())
+    return counts.unstack("when")[[*COUNTED, "images"]]
+
+
+def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataFrame:
+    """Means over recordings of `by_recording`, by light and camera, with 95 % intervals over recordings.
+
+    Returns
+    -------
+    DataFrame
+        ``light, modality, when, recordings, images`` and, for ``right`` and ``wrong``, ``NAME_percent`` and
+        its ends ``_low, _high``.
+    """
+    table, rng, rows = by_recording(images), np.random.default_rng(seed), []
+    for (light, modality), cell in table.groupby(["light", "modality"], sort=False):
+        drawn = rng.integers(0, len(cell), (draws, len(cell)))
+        for when in WHEN:
+            row = {"light": light, "modality": modality, "when": when, "recordings": len(cell),
+                   "images": int(cell["images", when].sum())}  # fmt: skip
+            for what in COUNTED:
+                values = cell[what, when].to_numpy()
+                low, high = interval(values[drawn].mean(1))
+                row |= {
+                    f"{what}_percent": values.mean(),
+                    f"{what}_percent_low": low,
+                    f"{what}_percent_high": high,
+                }
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def most_lost(images: pd.DataFrame) -> float:
+    """By how many points the recording that loses most has less right poses after than before."""
+    right = by_recording(images)["right"]
+    return float((right.before - right.after).max())

@@ -1,0 +1,48 @@
+"""Before and after of places, by hand."""
+
+import pandas as pd
+import pytest
+
+from lmmap_lab.studies import places
+
+
+def images():
+    """Two places in low light; the networks of the second were not taken."""
+    rows = [("scene-61002:20", "before", k < 2, k == 2) for k in range(4)]
+    rows += [("scene-61002:20", "after", k < 3, False) for k in range(4)]
+    rows += [("scene-61005:20", "before", True, False) for _ in range(4)]
+    return pd.DataFrame(rows, columns=["learned_on", "when", "right", "wrong"]).assign(modality="event")
+
+
+@pytest.mark.parametrize(
+    "place, light",
+    [
+        ("scene-61002:20", "low"),
+        ("realistic-4:5", "medium"),
+        ("varied-3003:20", "high"),
+        ("varied-3001:2", "medium"),
+    ],
+)
+def test_a_place_has_the_light_of_its_sequence(place, light):
+    assert places.light_of(place) == light
+
+
+def test_networks_that_were_not_taken_leave_all_as_it_was():
+    right = places.by_recording(images())["right"].droplevel(["light", "modality"])
+    assert right.loc["scene-61002:20"].to_dict() == {"before": 50, "after": 75}
+    assert right.loc["scene-61005:20"].to_dict() == {"before": 100, "after": 100}
+
+
+def test_means_are_over_recordings_within_their_intervals():
+    cells = places.by_light(images()).set_index("when")
+    assert cells.right_percent.to_dict() == {"before": 75, "after": 87.5}
+    assert cells.wrong_percent.to_dict() == {"before": 12.5, "after": 0}
+    assert (cells.recordings == 2).all() and (cells.images == 8).all()
+    assert (cells.right_percent_low <= cells.right_percent).all()
+    assert (cells.right_percent <= cells.right_percent_high).all()
+
+
+def test_what_loses_most_is_the_largest_fall():
+    assert places.most_lost(images()) == 0
+    turned = images().replace({"before": "after", "after": "before"})[:8]
+    assert places.most_lost(turned) == 25
