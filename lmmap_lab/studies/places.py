@@ -23,7 +23,7 @@ def light_of(place: str) -> str:
 
 
 def with_both(images: pd.DataFrame) -> pd.DataFrame:
-    """A row an image ``before`` and ``after``, and its ``light``; networks that were not taken change nothing."""
+    """A row an image ``before`` and ``after``, and its ``light``; networks not taken change nothing."""
     taken = images[images.when == "after"].set_index(KEY).index.unique()
     kept = images[~images.set_index(KEY).index.isin(taken)].assign(when="after")
     both = pd.concat([images, kept], ignore_index=True)
