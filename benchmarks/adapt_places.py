@@ -2,7 +2,7 @@
 part.
 
     python benchmarks/adapt_places.py rows.csv realistic-52002:60 varied-2003:20 run.bag
-    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 100 200 400
+    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 100 200 400 --keep
     python benchmarks/adapt_places.py rows.csv realistic-52002:400 --weights high --seconds 20 60 200 --from
     200 python benchmarks/adapt_places.py rows.csv realistic-52002:60=realistic-52005:20      taught by one,
     judged on another
@@ -38,7 +38,7 @@ from lmmap.types import Port
 from lmmap_lab.adaptation.adapt import adapt
 from lmmap_lab.bench import sequences, simulate, varied
 from lmmap_lab.bench.writers import write_recording
-from lmmap_lab.provenance import DERIVED_DATA, ROOT
+from lmmap_lab.provenance import DATA, DERIVED_DATA, ROOT, save_table
 
 sys.path.append(str(ROOT / "tuning"))
 import validation_world
@@ -129,6 +129,10 @@ def key_of(a, place: str, modality: str, seconds, steps: int, weights: str) -> t
     return learn, judge or learn, "+".join(a.cameras), modality, weights, seconds or 0.0, steps, a.seed
 
 
+def images_beside(rows: Path) -> Path:
+    return rows.with_name(f"{rows.stem}-images.csv")
+
+
 def append(path: Path, table: pd.DataFrame) -> None:
     before = [pd.read_csv(path)] if path.exists() else []
     pd.concat([*before, table], ignore_index=True).to_csv(path, index=False)
@@ -149,6 +153,7 @@ def main() -> None:
     parser.add_argument("--steps", nargs="+", type=int, default=[200])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--images", type=int, default=60, help="judged at most")
+    parser.add_argument("--keep", action="store_true", help="the tables in data/results/adaptation as well")
     a = parser.parse_args()
     done = set(pd.read_csv(a.rows)[KEY].itertuples(index=False, name=None)) if a.rows.exists() else set()
     for place in a.places:
@@ -162,8 +167,11 @@ def main() -> None:
                     if all(key_of(a, place, m, seconds, steps, weights) in done for m in a.cameras):
                         continue
                     rows, images = before_and_after(a, place, seconds, steps, weights)
-                    append(a.rows.with_name(f"{a.rows.stem}-images.csv"), pd.concat(images))
+                    append(images_beside(a.rows), pd.concat(images))
                     append(a.rows, pd.DataFrame(rows))
+    if a.keep:
+        for name, path in (("places", a.rows), ("images", images_beside(a.rows))):
+            save_table(DATA / "results" / "adaptation" / f"{name}.csv", pd.read_csv(path))
 
 
 if __name__ == "__main__":
