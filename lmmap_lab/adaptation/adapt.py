@@ -3,7 +3,7 @@
 1. looks: some hundred images are estimated;
 2. labels: those that can be believed become images with masks, but for a part that is kept for the guard;
 3. learning: both networks of a camera are trained on for some hundred steps;
-4. guard: the new networks are taken only where they find more in the part that was kept.
+4. guard: the new networks are taken only where they are surer of the part that was kept, and right there.
 
 Work that is done lies in ``FOLDER/unfinished`` until all is; the same call then goes on from there.
 """
@@ -39,6 +39,7 @@ from .smooth_track import SmoothTrack
 
 LOOKS, LOOKS_A_SECOND, MOST_LOOKS = 120, 2.5, 600  # of each camera: at least, of long recordings, at most
 PIECES, GUARDED = 8, (2, 6)  # of a recording, and which of them teach nothing
+ENOUGH = 0.05  # share of images that may lack a sure pose, with nothing to learn
 MADE_OF, UNFINISHED = "made-of.json", "unfinished"
 
 
@@ -179,8 +180,9 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
         why = f"{len(chosen)} images can teach, {self_labels.LEAST_LABELS} are needed; networks as before"
         return Outcome(False, why, facts), old
     guard = Guard([look.estimate for look in own], kept, track, estimator)
-    if not guard.missing():
-        return Outcome(False, "no pose is missing where the port is in view; networks as before", facts), old
+    if guard.lacking() <= ENOUGH:
+        why = f"sure poses of at least {1 - ENOUGH:.0%} of images with the port in view; networks as before"
+        return Outcome(False, why, facts), old
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
     new = [learning.train_on(deepcopy(net), part, recipe, unfinished)
            for net, part, recipe in zip(old, samples, recipes, strict=True)]  # fmt: skip

@@ -32,6 +32,8 @@ class Verdict:
     before, after
         How many reported poses are believed and contradicted, of the old and of the new networks, among the
         images that taught nothing.
+    belief
+        Of the old and of the new networks: mean confidence of the believed ones, over all of those images.
     images
         How many those are.
     """
@@ -40,12 +42,14 @@ class Verdict:
     min_confidence: float
     before: tuple[int, int]
     after: tuple[int, int]
+    belief: tuple[float, float]
     images: int
 
     def __str__(self) -> str:
         (old, old_wrong), (new, new_wrong) = self.before, self.after
         return (f"of {self.images} images that taught nothing, {old} had a pose that the track believes and "
-                f"{old_wrong} one that it contradicts, now {new} and {new_wrong}")  # fmt: skip
+                f"{old_wrong} one that it contradicts, now {new} and {new_wrong}; mean confidence "
+                f"{self.belief[0]:.2f}, now {self.belief[1]:.2f}")  # fmt: skip
 
 
 class Guard:
@@ -68,22 +72,23 @@ class Guard:
         self._old, self._kept, self._track, self._estimator = old, kept, track, estimator
         self._limit = estimator.settings.min_confidence[estimator.modality]
 
-    def missing(self) -> int:
-        """How many images that teach nothing show the whole port, by the track, without a reported pose that
-        is not contradicted."""
-        own = [e for e, kept in zip(self._old, self._kept, strict=True) if kept]
-        states = [self._track.at(e.t_us) for e in own]
+    def lacking(self) -> float:
+        """Share of the images with the whole port in view, by the track, that have no pose that is sure and
+        believed."""
+        states = [self._track.at(e.t_us) for e in self._old]
         port, camera = self._estimator.port, self._estimator.camera
-        shown = [state is not None and in_view(state.T_cam_port, port, camera) for state in states]
-        found = [e.T_cam_port is not None and self._trust(e, self._track) is not False for e in own]
-        return sum(s and not f for s, f in zip(shown, found, strict=True))
+        shown = [e for e, state in zip(self._old, states, strict=True)
+                 if state is not None and in_view(state.T_cam_port, port, camera)]  # fmt: skip
+        sure = [e.T_cam_port is not None and e.confidence >= self._estimator.settings.sure_confidence
+                and self._trust(e, self._track) is not False for e in shown]  # fmt: skip
+        return 1 - sum(sure) / len(shown) if shown else 0.0
 
     def judge(self, new: Sequence[Estimate]) -> Verdict:
         """New networks' estimates of the same images.
 
         Their limit is the lowest, not under that of the camera that is trusted less, at which they report no
-        more contradicted poses than the old ones do.  They are taken if they then report more that are
-        believed among the images that taught nothing.
+        more contradicted poses than the old ones do.  They are taken if then, among the images that taught
+        nothing, they report no fewer that are believed and no more that are contradicted, and are surer.
         """
         joint = self._track.with_more(("new", e) for e in new)
         old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (self._old, new))
@@ -92,14 +97,22 @@ class Guard:
         withheld = wrong[allowed : allowed + 1]  # the surest that must not be reported
         limits = self._estimator.settings.min_confidence
         least = max([limits.rgb, limits.event, *(float(np.nextafter(p, 2.0)) for p in withheld)])
-        before, after = (_reported([pair for pair, kept in zip(each, self._kept, strict=True) if kept], limit)
-                         for each, limit in ((old, self._limit), (new, least)))  # fmt: skip
-        return Verdict(after[0] > before[0], least, before, after, int(sum(self._kept)))
+        asked = [[pair for pair, kept in zip(each, self._kept, strict=True) if kept] for each in (old, new)]
+        before, after = (_reported(each, limit) for each, limit in zip(asked, (self._limit, least), strict=True))
+        belief = _belief(asked[0], self._limit), _belief(asked[1], least)
+        taken = after[0] >= before[0] and after[1] <= before[1] and belief[1] > belief[0]
+        return Verdict(taken, least, before, after, belief, len(asked[0]))
 
     def _trust(self, e: Estimate, *tracks: SmoothTrack) -> bool | None:
         """What the first track that reaches an estimate says of it."""
         told = (believed(e, track, self._estimator) for track in tracks)
         return next((trust for trust in told if trust is not None), None)
+
+
+def _belief(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> float:
+    """Mean over images of the confidence of a pose that is reported and believed; 0 for one without."""
+    sure = [e.confidence for e, trust in judged if trust and e.found is not None and e.confidence >= limit]
+    return sum(sure) / max(len(judged), 1)
 
 
 def _reported(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> tuple[int, int]:

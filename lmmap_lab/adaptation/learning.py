@@ -15,13 +15,14 @@ from ..training.checkpoint import resume, save_checkpoint
 from ..training.recipe import Recipe
 from .self_labels import Labelled
 
-STEPS = 200
+STEPS = 400
+RATE = 1e-3
 CHECKPOINT_STEPS = 50
 
 
 def recipe_for(name: str, modality: str, steps: int, seed: int, recording: str) -> Recipe:
     """How a filter is trained on."""
-    return Recipe(name, modality, "low", seed, steps, batch=8, rate=3e-4, warm_up=10, data=recording)
+    return Recipe(name, modality, "low", seed, steps, batch=8, rate=RATE, warm_up=10, data=recording)
 
 
 def network_of(path: Path, modality: str) -> FilterNet:

@@ -26,7 +26,7 @@ from ..rig.port_views import spread
 from .smooth_track import SmoothTrack
 
 SURE = 0.9  # confidence of a pose that is believed, if it is over the estimator's limit as well
-MOST_LABELS = 48
+MOST_LABELS = 120
 LEAST_LABELS = 8
 SIGMA_PX = 1.0  # of the ring's points, for a label by the track alone
 PERIODS = 4.0  # of a recording, which are as different as two views

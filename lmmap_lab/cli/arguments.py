@@ -9,7 +9,7 @@ from lmmap.cli.commands import Commands
 
 # of modules that take seconds to import, while --help is to answer at once; tests compare them
 FILTERS, PROFILES = ("ring", "reflector"), ("quick", "paper")
-ADAPT_STEPS = 200
+ADAPT_STEPS = 400
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 
 ADAPT = """examples:
