@@ -32,7 +32,7 @@ STAMP := .venv/.installed
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000, DATA=FOLDER"
+	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000, DATA=FOLDER ADAPT=1"
 
 env: $(STAMP)  ## make .venv from environment.txt
 
@@ -52,7 +52,7 @@ $(STAMP): environment.txt pyproject.toml
 	@touch $@
 	@echo "env: ready"
 
-reproduce: book  ## simulate, estimate, build the book, compare all with the reference (DATA=FOLDER: authors' bags too)
+reproduce: book  ## simulate, estimate, build the book, compare all with the reference (DATA=FOLDER: authors' bags too; ADAPT=1: networks learn from them)
 	@$(if $(DATA),cat "data/derived/recordings/$$(basename "$$(realpath "$(DATA)")")/told.txt")
 	@status=0; $(BIN)/python -m lmmap check || status=$$?; \
 	echo "Open book: _build/html/index.html (or 'make serve', with which search works too)"; exit $$status
@@ -81,7 +81,7 @@ lint: env  ## ruff, formatting, and the floors (imports run downward only)
 book: env  ## build the book, making the results that are absent or old; warnings are errors
 	@echo "book: results, profile $(PROFILE)"
 	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
-	@$(if $(DATA),$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --data "$(DATA)")
+	@$(if $(DATA),$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --data "$(DATA)"$(if $(ADAPT), --adapt))
 	@$(BIN)/python -c 'import matplotlib.pyplot' 2>/dev/null  # its first import may talk about fonts, in a cell
 	@echo "book: building; chapters run only when they, the module or the data changed"
 	@rm -rf _build/html  # or pages of modules that were renamed would stay; unchanged pages are only written again

@@ -24,7 +24,7 @@ from choose_thresholds import right
 
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.settings import OURS
-from lmmap.types import Estimate, Pose
+from lmmap.types import Ellipse, Estimate, Pose
 from lmmap_lab.pages import drawings
 from lmmap_lab.pages.gallery import COLUMNS, DPI, TILE_IN
 from lmmap_lab.pages.tables import ANSWERS, CAMERAS, LIGHTS
@@ -55,12 +55,9 @@ def answers() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def cut_out(ax, truth: Pose) -> tuple[np.ndarray, float]:
-    """Bound axes to the surroundings of the ring at a pose; returns their centre and half their width."""
-    ring = circle_ellipse(truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
-    (u, v), half_px = ring.centre_px, MARGIN * ring.semi_axes_px[0]
-    ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
-    return ring.centre_px, half_px
+def ring_at(truth: Pose) -> Ellipse:
+    """The ring's centre line at a pose."""
+    return circle_ellipse(truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
 
 
 def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
@@ -73,7 +70,8 @@ def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
             ax.set_axis_off()
         for ax, row in zip(axes.flat, rows.iloc[first : first + SHEET].itertuples(), strict=False):
             drawings.show_image(ax, row.pixels, f"{row.sequence} {row.modality} {row.image}")
-            (u, v), half_px = cut_out(ax, row.truth)
+            ring = ring_at(row.truth)
+            (u, v), half_px = ring.centre_px, drawings.look_at(ax, ring, MARGIN)
             for span in half_px * np.array([[-1, -0.85], [0.85, 1]]):
                 ax.plot(u + span, [v, v], color=drawings.COLOUR["truth"], lw=1)
                 ax.plot([u, u], v + span, color=drawings.COLOUR["truth"], lw=1)
@@ -94,7 +92,7 @@ def draw_missed(rows: pd.DataFrame) -> None:
         drawings.draw_estimate(ax, row.pixels, estimate, wrong_poses.PORT, wrong_poses.CAMERA, row.truth)
         if estimate.T_cam_port is None and estimate.ellipse is not None:
             drawings.draw_ellipse(ax, estimate.ellipse)
-        cut_out(ax, row.truth)
+        drawings.look_at(ax, ring_at(row.truth), MARGIN)
         said = ANSWERS[str(estimate.status)] if estimate.T_cam_port is None else "wrong"
         ax.set_axis_off()
         ax.set_title(f"{LIGHTS[row.light]}, {CAMERAS[row.modality]}\n{said}", fontsize=8)

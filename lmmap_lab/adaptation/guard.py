@@ -98,7 +98,9 @@ class Guard:
         limits = self._estimator.settings.min_confidence
         least = max([limits.rgb, limits.event, *(float(np.nextafter(p, 2.0)) for p in withheld)])
         asked = [[pair for pair, kept in zip(each, self._kept, strict=True) if kept] for each in (old, new)]
-        before, after = (_reported(each, limit) for each, limit in zip(asked, (self._limit, least), strict=True))
+        before, after = (
+            _reported(each, limit) for each, limit in zip(asked, (self._limit, least), strict=True)
+        )
         belief = _belief(asked[0], self._limit), _belief(asked[1], least)
         taken = after[0] >= before[0] and after[1] <= before[1] and belief[1] > belief[0]
         return Verdict(taken, least, before, after, belief, len(asked[0]))

@@ -112,6 +112,8 @@ def reproduce(commands: Commands) -> None:
     text = "keep a sequence's packed results where they are still valid"
     command.add_argument("--go-on", action="store_true", help=text)
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
+    text = "with --data: the default networks also learn the laboratory by themselves, and are tested"
+    command.add_argument("--adapt", action="store_true", help=text)
 
 
 def check(commands: Commands) -> None:

@@ -192,7 +192,7 @@ def train(a) -> None:
 
 def reproduce(a) -> None:
     """The paper's studies on a folder of bags; ends with the table."""
-    out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True))
+    out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True), a.adapt)
     text = beside_paper.results_text(out, DERIVED_DATA / a.profile)
     (out / "told.txt").write_text(text + "\n")
     print(f"\n{text}")

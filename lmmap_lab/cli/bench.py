@@ -92,6 +92,8 @@ def reproduce(a) -> None:
     if a.go_on and (a.data or not paper):
         raise InputError("--go-on: only the paper profile's results on the bench are packed; "
                          "give --profile paper and no --data, or leave it out")  # fmt: skip
+    if a.adapt and not a.data:
+        raise InputError("--adapt: networks learn a laboratory from its bags; give --data FOLDER as well")
     if a.data:
         authors.reproduce(a)
         return

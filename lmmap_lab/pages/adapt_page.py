@@ -9,7 +9,7 @@ import pandas as pd
 from ..studies import places
 from ..studies.table1 import LIGHTS
 from .drawings import COLOUR
-from .tables import CAMERAS
+from .tables import CAMERAS, shares_with_ends
 from .tables import LIGHTS as WORDS
 
 
@@ -45,13 +45,8 @@ def draw_places(images: pd.DataFrame):
 def light_table(images: pd.DataFrame) -> pd.DataFrame:
     """Texts by light and camera: right and wrong poses before and after, with 95 % intervals."""
     cells = places.by_light(images).set_index(["light", "modality", "when"])
-    text = {}
-    for what in places.COUNTED:
-        ends = cells[[f"{what}_percent", f"{what}_percent_low", f"{what}_percent_high"]].to_numpy()
-        text[what] = [f"{v:.1f} ({low:.0f} to {high:.0f})" for v, low, high in ends]
-    shown = pd.DataFrame(text, cells.index).unstack("when")[
-        [(w, k) for w in places.COUNTED for k in places.WHEN]
-    ]
+    text = pd.DataFrame({what: shares_with_ends(cells, what, ".1f") for what in places.COUNTED})
+    shown = text.unstack("when")[[(w, k) for w in places.COUNTED for k in places.WHEN]]
     shown[("", "recordings")] = cells.recordings.xs("before", level="when")
     order = [(light, m) for light in LIGHTS for m in ("rgb", "event") if (light, m) in shown.index]
     shown = shown.loc[order].rename(index=WORDS | CAMERAS)

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..provenance import load_json
 from ..studies import table1
+from ..studies.on_authors_bags import BY_ITSELF
 from .tables import accuracy_table
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
@@ -39,6 +40,10 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
             results[f"{title} ({mark})"] = _short(pd.read_csv(out / f"{name}.csv"))
     if (out / "summary.csv").exists():
         whole = pd.read_csv(out / "summary.csv").query("statistic != 'rmse'")
+        by_itself = _before_and_after(whole)
+        if len(by_itself):
+            results[f"networks that learned the laboratory by themselves ({mark})"] = by_itself
+        whole = whole[~whole.training.isin(BY_ITSELF)]
         other = whole[~whole.light.isin(table1.LIGHTS)]
         if len(other):
             results[f"lights that are not the paper's ({mark})"] = _short(other)
@@ -49,6 +54,13 @@ def tables(out: Path, bench: Path) -> dict[str, pd.DataFrame]:
             )
             results[f"table ({mark}; {training}, medians)"] = text.dropna(axis=1, how="all")
     return results
+
+
+def _before_and_after(summary: pd.DataFrame) -> pd.DataFrame:
+    """Medians and detection rates of the default networks, a column each: before and after they learned."""
+    cells = summary[summary.training.isin(BY_ITSELF)]
+    cells = cells.query("variant == 'exact' and outlier_filter == 'without' and statistic != 'all'")
+    return _short(cells.pivot(index=["metric", "light", "modality"], columns="training", values="value"))
 
 
 def _short(table: pd.DataFrame) -> pd.DataFrame:

@@ -138,9 +138,17 @@ def draw_intervals(ax, x, value, low, high, colour: str, label: str) -> None:
                 label=label)  # fmt: skip
 
 
-def plain_log(axis) -> None:
-    """Let a logarithmic axis (``ax.xaxis`` or ``ax.yaxis``) have ticks at 1, 2 and 5, in plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+def look_at(ax, ring: Ellipse, semi_axes: float) -> float:
+    """Bound axes to a square about a ring, of so many semi-major axes to each side; returns the same in
+    pixels."""
+    (u, v), half_px = ring.centre_px, semi_axes * ring.semi_axes_px[0]
+    ax.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px))
+    return half_px
+
+
+def plain_log(axis, steps: tuple[int, ...] = (1, 2, 5)) -> None:
+    """Let a logarithmic axis (``ax.xaxis`` or ``ax.yaxis``) have ticks at these steps, in plain numbers."""
+    axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 

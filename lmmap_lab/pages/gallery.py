@@ -15,7 +15,7 @@ from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.types import Ellipse, Estimate, Port, Recording
+from lmmap.types import Estimate, Port, Recording
 
 from . import drawings
 from .tables import ANSWERS, CAMERAS
@@ -170,17 +170,12 @@ def _paint(image, known: Estimate, recording: Recording, where: str, ax, answer=
     drawings.draw_estimate(ax, image, answer, port, camera, truth)
     if answer.T_cam_port is None and answer.ellipse is not None:
         drawings.draw_ellipse(ax, answer.ellipse)
-    _crop(ax, answer.ellipse if truth is None else circle_ellipse(truth, port.ring_radius_m, camera))
+    ring = answer.ellipse if truth is None else circle_ellipse(truth, port.ring_radius_m, camera)
+    if ring is not None:  # millimetres could not be seen in a whole image
+        drawings.look_at(ax, ring, MARGIN)
     result = ANSWERS[str(answer.status)]
     if answer.T_cam_port is not None and truth is not None:
         turn_deg = np.rad2deg(rotation_error_rad(answer.T_cam_port, truth, port.yaw_period_rad))
         result = f"{1e3 * position_error_m(answer.T_cam_port, truth):.0f} mm, {turn_deg:.0f}°"
     ax.set_axis_off()
     ax.set_title(f"{where}\n{answer.t_us * 1e-6:.1f} s: {result}", fontsize=8)
-
-
-def _crop(ax, ring: Ellipse | None) -> None:
-    """Show what is around the ring, where one is known: millimetres could not be seen in a whole image."""
-    if ring is not None:
-        (u, v), half = ring.centre_px, MARGIN * ring.semi_axes_px[0]
-        ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half))

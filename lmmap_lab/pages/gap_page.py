@@ -5,14 +5,13 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.stats import chi2
 
 from lmmap.pipeline.weights import DOMAIN_GAPS
 
 from ..studies import domain_gap
 from ..studies.table1 import LIGHTS
-from .drawings import COLOUR, draw_intervals
+from .drawings import COLOUR, draw_intervals, plain_log
 from .tables import CAMERAS, with_ends
 
 MEASURES = {  # of `domain_gap`: title, scale
@@ -122,7 +121,6 @@ def draw_promise(promise: pd.DataFrame):
             ax.plot(ends, ends * np.sqrt(chi2.ppf(share, 1)), color=COLOUR["ink"], lw=1)
         ax.set(xlabel=f"predicted ({unit})", ylabel=f"error ({unit})", title=what.split("_")[0])
         for axis in (ax.xaxis, ax.yaxis):  # 0.3, not 3 x 10^-1
-            axis.set(major_locator=LogLocator(subs=(1, 3)), major_formatter="{x:g}")
-            axis.set_minor_formatter(NullFormatter())
+            plain_log(axis, (1, 3))
     axes[0].legend(fontsize=8)
     return fig

@@ -16,7 +16,7 @@ from lmmap.evaluation import error_table
 from lmmap.types import Ellipse, Estimate, Port, Recording
 
 from ..studies.any_lens import markers_px
-from .drawings import COLOUR, draw_ellipse
+from .drawings import COLOUR, draw_ellipse, look_at
 from .tables import ANSWERS
 
 AROUND = 1.6  # half the width of a drawing, in semi-major axes of the ring
@@ -50,8 +50,8 @@ def _draw(ax, outlines: dict, outer: Ellipse) -> None:
         port, ring = Port.lm_map(), _ellipse(outlines["ellipse"])
         widen = port.ring_outer_radius_m / port.ring_radius_m
         draw_ellipse(ax, Ellipse(ring.centre_px, widen * ring.semi_axes_px, ring.angle_rad), COLOUR["event"])
-    (u, v), half = outer.centre_px, AROUND * outer.semi_axes_px[0]
-    ax.set(xlim=(u - half, u + half), ylim=(v + half, v - half), xticks=[], yticks=[], aspect="equal")
+    look_at(ax, outer, AROUND)
+    ax.set(xticks=[], yticks=[], aspect="equal")
     ax.spines[:].set_visible(False)
     ax.set_label("outlines of the mask, the ring by hand and the ellipse")
 

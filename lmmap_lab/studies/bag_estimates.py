@@ -1,4 +1,4 @@
-"""Estimates of the authors' bags, kept as they come, and the rig that is calibrated on them."""
+"""Estimates of the authors' bags, kept as they come, their rig, and the networks that learn from them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.recordings.stream import Stream
 from lmmap.types import Estimate, InputError, Port
 
+from ..adaptation.adapt import adapt
 from ..provenance import fingerprint
 from ..rig import authors_bags, calibration, tf
 from ..rig.authors_bags import AuthorsBag
@@ -80,6 +81,25 @@ def folder_rig(folder: Path, out: Path, roles: dict, report) -> Rig:
     rig.save(rig_path)
     report(f"rig: calibrated on {', '.join(rig.calibration['recordings'])}")
     return rig
+
+
+def learned_networks(roles: dict, out: Path, port: Port, report) -> Path:
+    """The folder of networks that learned the laboratory by themselves, without any truth, from its longest
+    training bag, if there is one with a realistic cover.
+
+    Parameters
+    ----------
+    roles : bags by ``train`` and ``test``
+    """
+    bags = sorted(roles["train"], key=lambda b: b.textured) or roles["test"]
+    alike = [b for b in bags if b.textured == bags[0].textured]
+    bag = max(alike, key=lambda b: authors_bags.bag_contents(b.path)["seconds"])
+    stream, facts = open_stream(bag.path), bag.path.stat()
+    mark = fingerprint(bag.path.name, *map(str, (facts.st_size, facts.st_mtime_ns, port, stream.camera)))
+    report(f"learned: from {bag.path.name}{'' if roles['train'] else ', which is tested on'}")
+    folder = out / f"learned-{mark[:12]}"
+    adapt(stream, folder, port=port, report=report)
+    return folder
 
 
 def bag_label(folder: Path, bag: AuthorsBag) -> str:

@@ -18,7 +18,7 @@ from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.rig import Rig
 from lmmap.recordings.stream import Stream
-from lmmap.settings import MODALITIES
+from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Estimate, InputError, Port
 
 from ..provenance import DERIVED_DATA, save_json, save_table
@@ -27,9 +27,10 @@ from ..rig.authors_bags import AuthorsBag
 from ..rig.truth import true_trajectory
 from ..training import dataset
 from . import odometry, table1
-from .bag_estimates import bag_label, detect, folder_rig, resumable_file
+from .bag_estimates import bag_label, detect, folder_rig, learned_networks, resumable_file
 
 RATE_HZ = 10.0
+BY_ITSELF = ("default", "learned")  # the default networks, before and after they learned the laboratory
 
 
 def survey(folder) -> tuple[list[AuthorsBag], list[str]]:
@@ -44,8 +45,13 @@ def output(folder) -> Path:
     return DERIVED_DATA / "recordings" / Path(folder).resolve().name
 
 
-def reproduce(folder, report=print) -> Path:
+def reproduce(folder, report=print, adapted: bool = False) -> Path:
     """Run every study whose bags are there; returns the folder of the results.
+
+    Parameters
+    ----------
+    adapted
+        Whether the default networks learn the laboratory by themselves and are tested, before and after.
 
     Raises
     ------
@@ -64,10 +70,13 @@ def reproduce(folder, report=print) -> Path:
     port = rig.port if rig else Port.lm_map()
     facts = {"recordings": out.name, "bags": len(bags), "left_out": left_out,
              "rig": rig.calibration if rig else None}  # fmt: skip
+    sets = dict.fromkeys(table1.DOMAIN_GAPS)
+    if adapted and roles["test"]:
+        sets |= dict(zip(BY_ITSELF, (OURS.weights, learned_networks(roles, out, port, report)), strict=True))
     tables = {name: [] for name in ("errors", "hard", "false", "odometry")}
     for bag in (*roles["test"], *roles["hard"], *roles["empty"]):
         try:
-            _studies(bag, bag_label(Path(folder), bag), rig, port, out, tables, report)
+            _studies(bag, bag_label(Path(folder), bag), rig, port, out, sets, tables, report)
         except InputError as error:  # a fault in the middle; what came before it is kept
             left_out.append(str(error))
             report(f"left out: {error}")
@@ -81,16 +90,17 @@ def reproduce(folder, report=print) -> Path:
     return out
 
 
-def _studies(
-    bag: AuthorsBag, label: str, rig: Rig | None, port: Port, out: Path, tables: dict, report
-) -> None:
-    """Estimate one bag with each camera and add its results to the tables."""
+def _studies(bag: AuthorsBag, label: str, rig: Rig | None, port: Port, out: Path, sets: dict, tables: dict,
+             report) -> None:  # fmt: skip
+    """Estimate one bag with each camera and add its results to the tables; ``sets`` are networks by the name
+    of their training, None for those of `weights_of`."""
     stream = open_stream(bag.path)
     if bag.role != "empty":
         stream = replace(stream, truth=true_trajectory(bag.path, rig))
-    for gap in table1.DOMAIN_GAPS if bag.role == "test" else table1.DOMAIN_GAPS[:1]:
+    for gap, given in list(sets.items())[: None if bag.role == "test" else 1]:
         for modality in MODALITIES:
-            estimates = _estimates(stream, label, port, modality, gap, out, report)
+            weights = given or weights_of(out, modality, gap)
+            estimates = _estimates(stream, label, port, modality, gap, weights, out, report)
             _study(bag, stream, estimates, port, modality, gap, tables)
 
 
@@ -139,8 +149,7 @@ def weights_of(out: Path, modality: str, gap: str) -> Path | str:
     return own if there else gap
 
 
-def _estimates(stream, label, port, modality, gap, out, report) -> list[Estimate]:
-    weights = weights_of(out, modality, gap)
+def _estimates(stream, label, port, modality, gap, weights, out, report) -> list[Estimate]:
     settings = replace(settings_for(stream.camera), rate_hz=RATE_HZ)
     estimator = Estimator(stream.camera, port, modality, weights, settings)
     label = f"{label}-{modality}-{gap}"
@@ -168,7 +177,7 @@ def _study(bag: AuthorsBag, stream: Stream, estimates: list[Estimate], port: Por
         rates = {"ellipse_percent": share * rings, "pose_percent": share * poses}
         tables["hard"].append(row | rates | medians)
         return
-    training = f"{gap}-domain-gap"
+    training = gap if gap in BY_ITSELF else f"{gap}-domain-gap"
     tables["errors"].append(errors.assign(light=bag.light, modality=modality, training=training))
     if bag.light == "high" and gap == "low":
         try:

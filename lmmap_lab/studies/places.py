@@ -46,7 +46,7 @@ def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataF
     -------
     DataFrame
         ``light, modality, when, recordings, images`` and, for ``right`` and ``wrong``, ``NAME_percent`` and
-        its ends ``_low, _high``.
+        its ends ``NAME_low, NAME_high``.
     """
     table, rng, rows = by_recording(images), np.random.default_rng(seed), []
     for (light, modality), cell in table.groupby(["light", "modality"], sort=False):
@@ -57,11 +57,7 @@ def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataF
             for what in COUNTED:
                 values = cell[what, when].to_numpy()
                 low, high = interval(values[drawn].mean(1))
-                row |= {
-                    f"{what}_percent": values.mean(),
-                    f"{what}_percent_low": low,
-                    f"{what}_percent_high": high,
-                }
+                row |= {f"{what}_percent": values.mean(), f"{what}_low": low, f"{what}_high": high}
             rows.append(row)
     return pd.DataFrame(rows)
 

@@ -61,6 +61,25 @@ def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
     assert "hard cases" not in run(capsys, "reproduce", "--data", folder)[1]
 
 
+def test_networks_learn_from_the_training_bag_and_stand_beside_the_default_ones(folder, capsys, monkeypatch):
+    monkeypatch.setattr(on_authors_bags.table1, "DOMAIN_GAPS", ("low",))
+    (next(folder.rglob("mixed__test.bag"))).unlink()
+    code, out, err = run(capsys, "reproduce", "--data", folder, "--adapt")
+    assert code == 0 and "learned: from normal__train.bag\n" in out, err
+    assert out.count("networks as before") == 2  # half a second teaches nothing
+    assert "networks that learned the laboratory by themselves (recordings: tiny)" in out
+    summary = pd.read_csv(on_authors_bags.output(folder) / "summary.csv").set_index("training")
+    default, learned = (summary.loc[name].value.to_numpy() for name in on_authors_bags.BY_ITSELF)
+    assert np.array_equal(default, learned, equal_nan=True) and np.isfinite(default).any()
+    next(folder.rglob("normal__train.bag")).unlink()  # the only one: a bag that is tested on teaches
+    assert (
+        "learned: from dark__test.bag, which is tested on"
+        in run(capsys, "reproduce", "--data", folder, "--adapt")[1]
+    )
+    code, _, err = run(capsys, "reproduce", "--adapt")
+    assert code == 1 and "give --data FOLDER" in err and err.count("\n") == 1
+
+
 def test_nothing_to_test_on_is_one_line(folder, capsys):
     for path in folder.rglob("*.bag"):
         path.write_bytes(b"none")

@@ -38,8 +38,8 @@ def test_means_are_over_recordings_within_their_intervals():
     assert cells.right_percent.to_dict() == {"before": 75, "after": 87.5}
     assert cells.wrong_percent.to_dict() == {"before": 12.5, "after": 0}
     assert (cells.recordings == 2).all() and (cells.images == 8).all()
-    assert (cells.right_percent_low <= cells.right_percent).all()
-    assert (cells.right_percent <= cells.right_percent_high).all()
+    assert (cells.right_low <= cells.right_percent).all()
+    assert (cells.right_percent <= cells.right_high).all()
 
 
 def test_what_loses_most_is_the_largest_fall():
