@@ -5,30 +5,10 @@ import re
 
 import nbformat
 import pytest
-import yaml
-from lab.book.test_book import ROOT, WALK
+from lab.book.test_book import ROOT, WALK, parts
 from nbclient import NotebookClient
 
-CELL = re.compile(r"^(`{3,})\{code-cell\}[^\n]*\n(.*?)^\1$|^## ", re.M | re.S)
 TRY = re.compile(r"^(?P<name>\w+) = (?P<value>.+?)  # try (?P<other>.+)$", re.M)
-
-
-def parts(page):
-    """Cells of a page in order, as ``(tags, code)``; None where a section begins."""
-    for match in CELL.finditer(page.read_text()):
-        if match[2] is None:
-            yield None
-            continue
-        options = re.match(r"---\n(.*?)\n---\n", match[2], re.S)
-        tags = re.match(r":tags: \[(.*?)\]", match[2])
-        tags = (
-            yaml.safe_load(options[1]).get("tags", [])
-            if options
-            else re.split(r",\s*", tags[1])
-            if tags
-            else []
-        )
-        yield tags, re.sub(r"\A(:[^\n]*\n)+|\A---\n.*?\n---\n", "", match[2], flags=re.S)
 
 
 def with_another_parameter(page) -> list[str]:
@@ -39,7 +19,8 @@ def with_another_parameter(page) -> list[str]:
             if found:
                 break
             continue
-        tags, code = part
+        options, code = part
+        tags = options.get("tags", [])
         if "check" in tags:  # of the printed values
             continue
         if not {"remove-cell", "remove-input"} & set(tags):

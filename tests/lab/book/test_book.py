@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -30,10 +31,24 @@ every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 every_chapter = pytest.mark.parametrize("page", CHAPTERS, ids=lambda page: page.stem)
 
 
+CELL = re.compile(r"^(`{3,}|:{3,})\{code-cell\}[^\n]*\n(.*?)^\1$|^## ", re.M | re.S)
+OPTIONS = re.compile(r"((?::[^\n]*\n)*)(?:---\n(.*?)\n---\n)?(.*)", re.S)
+
+
+def parts(page: Path) -> Iterator[tuple[dict, str] | None]:
+    """A page's code cells in order, as ``(options, code)``; None where a section begins."""
+    for match in CELL.finditer(page.read_text()):
+        if match[2] is None:
+            yield None
+            continue
+        lines, block, code = OPTIONS.match(match[2]).groups()
+        pairs = (line[1:].split(":", 1) for line in lines.splitlines())
+        yield yaml.safe_load(block or "{}") | {name: yaml.safe_load(text) for name, text in pairs}, code
+
+
 def cells(page: Path) -> list[str]:
     """Source of a page's code cells, without their options."""
-    matches = re.findall(r"^(`{3,}|:{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
-    return [re.sub(r"\A(:[^\n]*\n)+|\A---\n.*?\n---\n", "", body, flags=re.S) for _, body in matches]
+    return [code for _, code in filter(None, parts(page))]
 
 
 def code(page: Path) -> ast.Module:
@@ -249,10 +264,8 @@ every_taught = pytest.mark.parametrize("page", TAUGHT, ids=lambda page: page.ste
 
 
 def options(page: Path) -> list[dict]:
-    """Options of a page's code cells; empty where a cell has none or those of one line each."""
-    bodies = re.findall(r"^(`{3,})\{code-cell\}[^\n]*\n(.*?)^\1$", page.read_text(), re.M | re.S)
-    blocks = [re.match(r"---\n(.*?)\n---\n", body, re.S) for _, body in bodies]
-    return [yaml.safe_load(block[1]) if block else {} for block in blocks]
+    """Options of a page's code cells."""
+    return [options for options, _ in filter(None, parts(page))]
 
 
 def sentences(text: str) -> int:
