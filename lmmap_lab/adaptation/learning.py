@@ -16,7 +16,7 @@ from ..training.recipe import Recipe
 from .self_labels import Labelled
 
 STEPS = 400
-RATE = 1e-3
+RATE = 2e-3
 CHECKPOINT_STEPS = 50
 
 
