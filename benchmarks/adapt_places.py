@@ -2,7 +2,7 @@
 part.
 
     python benchmarks/adapt_places.py rows.csv realistic-52002:60 varied-2003:20 run.bag
-    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 100 200 400 --keep
+    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 200 400 800 --keep
     python benchmarks/adapt_places.py rows.csv realistic-52002:400 --weights high --seconds 20 60 200 --from
     200 python benchmarks/adapt_places.py rows.csv realistic-52002:60=realistic-52005:20      taught by one,
     judged on another
@@ -35,6 +35,7 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Port
+from lmmap_lab.adaptation import learning
 from lmmap_lab.adaptation.adapt import adapt
 from lmmap_lab.bench import sequences, simulate, varied
 from lmmap_lab.bench.writers import write_recording
@@ -150,7 +151,7 @@ def main() -> None:
     parser.add_argument(
         "--from", dest="start", type=float, help="second from which on is judged (default: half)"
     )
-    parser.add_argument("--steps", nargs="+", type=int, default=[200])
+    parser.add_argument("--steps", nargs="+", type=int, default=[learning.STEPS])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--images", type=int, default=60, help="judged at most")
     parser.add_argument("--keep", action="store_true", help="the tables in data/results/adaptation as well")
