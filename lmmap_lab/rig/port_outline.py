@@ -14,6 +14,7 @@ from lmmap.types import Port, frozen_array
 DIMENSIONS = ("plate's height", "markers' radius", "markers' length", "markers' depth", "ring's width")
 RING_POINTS, SIDE_POINTS = 72, 8  # of each of the ring's circles, and of each side of a marker
 OF_RING = slice(0, 2 * RING_POINTS)  # in the order of `outline`
+WINDOW_SHARES = tuple(k / 10 for k in range(10, -1, -1))  # of their size, tried in this order
 KINDS = 2  # of edges: the ring's and the markers'
 
 
@@ -33,16 +34,25 @@ def dimensions_m(port: Port) -> np.ndarray:
 
 
 def with_dimensions(port: Port, values_m) -> Port:
-    """A port with other `DIMENSIONS` (5,): its ring as wide within as without its centre line, its plate
-    larger in the ratio in which the markers' outer sides are further out, and all else as it was."""
+    """A port with other `DIMENSIONS` (5,): its ring as wide within as without its centre line, its plate and
+    its windows larger in the ratio in which the markers' outer sides are further out, and all else as it was.
+    Windows that would then overlap the markers are smaller, by as many tenths as it takes.
+    """
     height_m, radius_m, length_m, depth_m, width_m = map(float, values_m)
     growth = (radius_m + depth_m / 2) / (port.marker_radius_m + port.marker_size_m[1] / 2)
-    return replace(
-        port, plate_height_m=height_m, marker_radius_m=radius_m, marker_size_m=(length_m, depth_m),
-        ring_inner_radius_m=port.ring_radius_m - width_m / 2,
-        ring_outer_radius_m=port.ring_radius_m + width_m / 2,
-        plate_circumradius_m=port.plate_circumradius_m * growth,
-    )  # fmt: skip
+    for share in WINDOW_SHARES:
+        try:
+            return replace(
+                port, plate_height_m=height_m, marker_radius_m=radius_m, marker_size_m=(length_m, depth_m),
+                ring_inner_radius_m=port.ring_radius_m - width_m / 2,
+                ring_outer_radius_m=port.ring_radius_m + width_m / 2,
+                plate_circumradius_m=port.plate_circumradius_m * growth,
+                window_radius_m=port.window_radius_m * growth,
+                window_size_m=tuple(share * growth * size_m for size_m in port.window_size_m),
+            )  # fmt: skip
+        except ValueError:
+            if not share:
+                raise
 
 
 @lru_cache(maxsize=16)

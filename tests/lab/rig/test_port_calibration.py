@@ -74,6 +74,20 @@ class ExactEdges:
 OTHER = np.array([1.2, 1.08, 0.95, 1.1, 1.2])  # a port's dimensions in units of the standard port's
 
 
+@pytest.mark.parametrize("factors, growth, share", [
+    ([1, 1, 1, 1, 1], 1, 1), ([2, 1.2, 1.2, 1.2, 2], 1.2, 1), ([1, 1, 1.2, 1, 1], 1, 0.9)])  # fmt: skip
+def test_windows_grow_with_the_plate_and_give_way_to_the_markers(port, factors, growth, share):
+    other = with_dimensions(port, factors * dimensions_m(port))
+    assert np.allclose(dimensions_m(other), factors * dimensions_m(port))
+    grown = growth * np.array([port.window_radius_m, *port.window_size_m])
+    assert np.allclose([other.window_radius_m, *other.window_size_m], grown * [1, share, share])
+
+
+def test_dimensions_that_no_port_has_are_an_error(port):
+    with pytest.raises(ValueError, match="radius of the ring"):
+        with_dimensions(port, [1, 1, 1, 1, 20] * dimensions_m(port))
+
+
 @pytest.mark.parametrize("focal", [False, True])
 def test_exact_edges_give_the_port_to_a_micrometre(port, camera, rng, focal):
     T, other = views(rng), with_dimensions(port, OTHER * dimensions_m(port))
