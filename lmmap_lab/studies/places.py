@@ -8,6 +8,7 @@ import pandas as pd
 
 from ..bench import laboratory, varied
 from .bootstrap import interval
+from .reliability import reliability
 
 COUNTED = ("right", "wrong")
 WHEN = ("before", "after")
@@ -66,3 +67,9 @@ def most_lost(images: pd.DataFrame) -> float:
     """By how many points the recording that loses most has less right poses after than before."""
     right = by_recording(images)["right"]
     return float((right.before - right.after).max())
+
+
+def reported(images: pd.DataFrame, when: str) -> dict[str, pd.DataFrame]:
+    """`reliability.reliability` of the poses that each camera reports before or after, by its modality."""
+    told = with_both(images).query("when == @when and status == 'ok'")
+    return {m: reliability(own.confidence, own.right) for m, own in told.groupby("modality", sort=False)}

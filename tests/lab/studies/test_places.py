@@ -46,3 +46,12 @@ def test_what_loses_most_is_the_largest_fall():
     assert places.most_lost(images()) == 0
     turned = images().replace({"before": "after", "after": "before"})[:8]
     assert places.most_lost(turned) == 25
+
+
+def test_a_confidence_is_judged_by_the_poses_that_are_reported():
+    seen = images().assign(status="ok", confidence=0.85)
+    seen.loc[[3, 7], "status"] = "unsure"  # neither right nor wrong
+    seen.loc[2, "confidence"] = 0.97  # of the wrong one
+    before, after = (places.reported(seen, when)["event"] for when in places.WHEN)
+    assert before.poses.tolist() == [6, 1] and before.right.tolist() == [1, 0]
+    assert after.poses.tolist() == [7] and after.right.tolist() == [1]
