@@ -36,7 +36,8 @@ def use_style() -> None:
         "figure.figsize": (7.0, 3.2), "font.size": 10, "text.color": ink, "axes.labelcolor": ink,
         "axes.edgecolor": ink, "axes.titlecolor": ink, "xtick.color": ink, "ytick.color": ink,
         "axes.grid": True, "axes.axisbelow": True, "grid.alpha": 0.25, "grid.color": ink,
-        "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
+        "axes.spines.top": False, "axes.spines.right": False, "legend.facecolor": "white",
+        "legend.edgecolor": "none", "legend.framealpha": 0.85,
         "image.cmap": "gray", "svg.hashsalt": "lmmap",
         "axes.prop_cycle": cycler.cycler(color=[COLOUR[k] for k in LINES]),
     })  # fmt: skip

@@ -45,7 +45,7 @@ pd.DataFrame({"error (mm)": [1.25]}).style.format(precision=1)
 @pytest.fixture
 def book(tmp_path):
     for name in ("_config.yml", "book/_ext", "book/references.bib", "book/_static/logo.svg",
-                 "book/_static/favicon.svg", "book/_static/custom.css"):  # fmt: skip
+                 "book/_static/favicon.svg", "book/_static/custom.css", "book/_static/wide.js"):  # fmt: skip
         target = tmp_path / name
         target.parent.mkdir(parents=True, exist_ok=True)
         (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, target)
