@@ -184,7 +184,7 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
         why = f"sure poses of at least {1 - ENOUGH:.0%} of images with the port in view; networks as before"
         return Outcome(False, why, facts), old
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
-    new = [learning.train_on(deepcopy(net), part, recipe, unfinished)
+    new = [learning.mean(net, learning.train_on(deepcopy(net), part, recipe, unfinished))
            for net, part, recipe in zip(old, samples, recipes, strict=True)]  # fmt: skip
     networks = tuple(MaskNetwork(deepcopy(net), modality) for net in new)
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)

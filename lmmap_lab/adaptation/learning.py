@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 
 import torch
@@ -17,6 +18,7 @@ from .self_labels import Labelled
 
 STEPS = 400
 RATE = 2e-3
+LEARNED = 0.75  # share of what was learned that a network takes
 CHECKPOINT_STEPS = 50
 
 
@@ -43,4 +45,12 @@ def train_on(net: FilterNet, samples: Labelled, recipe: Recipe, folder: Path) ->
         take_step(net, adam, make_batch(samples, recipe, step), recipe, step)
         if (step + 1) % CHECKPOINT_STEPS == 0 or step + 1 == recipe.steps:
             save_checkpoint(checkpoint, net, adam, recipe, step + 1, [])
+    return net
+
+
+def mean(old: FilterNet, new: FilterNet, share: float = LEARNED) -> FilterNet:
+    """The network whose weights are a mean of those from before and, with this share, of those after its
+    training: it forgets less of other places (Wortsman et al. 2022, arXiv 2109.01903)."""
+    net, before, after = deepcopy(new), old.state_dict(), new.state_dict()
+    net.load_state_dict({name: torch.lerp(before[name], after[name], share) for name in after})
     return net
