@@ -2,11 +2,11 @@
 part.
 
     python benchmarks/adapt_places.py rows.csv realistic-52002:60 varied-2003:20 run.bag
-    python benchmarks/adapt_places.py rows.csv varied-2003:20 --seconds 3 6 10 --steps 200 400 800 --keep
-    python benchmarks/adapt_places.py rows.csv realistic-52002:400 --weights high --seconds 20 60 200 --from
-    200 python benchmarks/adapt_places.py rows.csv realistic-52002:60=realistic-52005:20      taught by one,
-    judged on another
+    python benchmarks/adapt_places.py places.csv varied-2003:20 --seconds 3 6 10 --steps 200 400 800 --keep
+    python benchmarks/adapt_places.py gap.csv test-high:210 --weights high low --seconds 0 20 140 --from 140
+    python benchmarks/adapt_places.py rows.csv scene-63000:20=scene-63003:20=scene-63001:20
 
+The last one is judged on two others as well: another motion, another light.
 A place is a recording with its truth beside it, or NAME:SECONDS of the bench, which is simulated once and
 kept in data/derived/places.  Varied laboratories show the LM-MAP itself, and scene-N is the motion and light
 of realistic-N in the second simulated scene (tuning/validation_world.py).  Each row of the table is a camera
@@ -23,6 +23,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -32,11 +33,12 @@ from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import timed_images
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.second_opinion import estimator_of
 from lmmap.recordings.formats import open_stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Port
 from lmmap_lab.adaptation import learning
-from lmmap_lab.adaptation.adapt import adapt
+from lmmap_lab.adaptation.adapt import Outcome, adapt
 from lmmap_lab.bench import sequences, simulate, varied
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, ROOT, save_table
@@ -92,21 +94,23 @@ def counts(table: pd.DataFrame) -> dict:
     return {"images": len(table), "right": int(table.right.sum()), "wrong": int(table.wrong.sum())}
 
 
-def before_and_after(a, place: str, seconds: float | None, steps: int, weights: str) -> tuple[list, list]:
-    """Rows of both tables, of each camera of a place."""
-    learn, _, judge = place.partition("=")
-    rows, images = [], []
+def before_and_after(a, place: str, seconds: float, steps: int, weights: str) -> tuple[list, list]:
+    """Rows of both tables, of each camera of a place, and of each recording that judges its networks."""
+    learn, *others = place.split("=")
     taught = opened(learn)
-    asked = opened(judge) if judge else taught
+    asked = {learn: (taught, a.start), **{name: (opened(name), 0.0) for name in others}}
+    rows, images = [], []
     with tempfile.TemporaryDirectory() as folder:
         began_s = time.monotonic()
-        outcomes = adapt(taught, folder, a.cameras, weights, seconds=seconds, steps=steps, seed=a.seed)
+        outcomes = {m: Outcome(False, "judged as they are", {"labels": 0}) for m in a.cameras}
+        if seconds:
+            outcomes = adapt(taught, folder, a.cameras, weights, seconds=seconds, steps=steps, seed=a.seed)
         took_s = time.monotonic() - began_s
         memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        for m, outcome in outcomes.items():
-            key = dict(zip(KEY, key_of(a, place, m, seconds, steps, weights), strict=True))
-            start_s = 0.0 if judge else a.start
-            tables = {when: judged(asked, Estimator(asked.camera, None, m, w), start_s, a.images)
+        for key in keys_of(a, place, seconds, steps, weights):
+            (stream, start_s), m = asked[key[1]], key[3]
+            key, outcome = dict(zip(KEY, key, strict=True)), outcomes[m]
+            tables = {when: judged(stream, estimator_of(stream.camera, None, m, w), start_s, a.images)
                       for when, w in (("before", weights), ("after", folder))
                       if when == "before" or outcome.taken}  # fmt: skip
             before, after = tables["before"], tables.get("after", tables["before"])
@@ -118,16 +122,18 @@ def before_and_after(a, place: str, seconds: float | None, steps: int, weights: 
             rows.append(row)
             columns = ["t_us", "status", "confidence", "right", "wrong"]
             images += [table[columns].assign(**key, when=when) for when, table in tables.items()]
-            told = (f"{part.right.sum()} / {part.wrong.sum()}" for part in (before, after))
+            told = " before, ".join(f"{part.right.sum()} / {part.wrong.sum()}" for part in (before, after))
             print(
-                f"{place} {m}, right / wrong of {len(before)}:", " before, ".join(told), "after", flush=True
+                f"{learn}, {key['judged_on']} {m}, right / wrong of {len(before)}: {told} after", flush=True
             )
     return rows, images
 
 
-def key_of(a, place: str, modality: str, seconds, steps: int, weights: str) -> tuple:
-    learn, _, judge = place.partition("=")
-    return learn, judge or learn, "+".join(a.cameras), modality, weights, seconds or 0.0, steps, a.seed
+def keys_of(a, place: str, seconds: float, steps: int, weights: str) -> list[tuple]:
+    """The keys of a place's rows."""
+    learn, *others = place.split("=")
+    cases = product([learn, *others], a.cameras)
+    return [(learn, judge, "+".join(a.cameras), m, weights, seconds, steps, a.seed) for judge, m in cases]
 
 
 def images_beside(rows: Path) -> Path:
@@ -142,11 +148,11 @@ def append(path: Path, table: pd.DataFrame) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rows", type=Path, help="table to append to")
-    parser.add_argument("places", nargs="+", help="RECORDING or NAME:SECONDS, and =ANOTHER to be judged on")
+    parser.add_argument("places", nargs="+", help="RECORDING or NAME:SECONDS, and =ANOTHER that judges too")
     parser.add_argument("--cameras", nargs="+", choices=MODALITIES, default=list(MODALITIES))
     parser.add_argument("--weights", nargs="+", default=[OURS.weights])
     parser.add_argument(
-        "--seconds", nargs="+", type=float, help="learned from (default: half of the recording)"
+        "--seconds", nargs="+", type=float, help="learned from; 0: nothing (default: half of the recording)"
     )
     parser.add_argument(
         "--from", dest="start", type=float, help="second from which on is judged (default: half)"
@@ -158,21 +164,16 @@ def main() -> None:
     a = parser.parse_args()
     done = set(pd.read_csv(a.rows)[KEY].itertuples(index=False, name=None)) if a.rows.exists() else set()
     for place in a.places:
-        learn = place.partition("=")[0]
-        span_us = opened(learn).source.span_us
-        half_s = [round(0.5e-6 * (span_us[1] - span_us[0]), 3)]
-        whole = [None] if "=" in place else half_s
-        for weights in a.weights:
-            for seconds in a.seconds or whole:
-                for steps in a.steps:
-                    if all(key_of(a, place, m, seconds, steps, weights) in done for m in a.cameras):
-                        continue
-                    rows, images = before_and_after(a, place, seconds, steps, weights)
-                    append(images_beside(a.rows), pd.concat(images))
-                    append(a.rows, pd.DataFrame(rows))
+        span_us = opened(place.partition("=")[0]).source.span_us
+        half_s = round(0.5e-6 * (span_us[1] - span_us[0]), 3)
+        for case in product([half_s] if a.seconds is None else a.seconds, a.steps, a.weights):
+            if not done.issuperset(keys_of(a, place, *case)):
+                rows, images = before_and_after(a, place, *case)
+                append(images_beside(a.rows), pd.concat(images))
+                append(a.rows, pd.DataFrame(rows))
     if a.keep:
-        for name, path in (("places", a.rows), ("images", images_beside(a.rows))):
-            save_table(DATA / "results" / "adaptation" / f"{name}.csv", pd.read_csv(path))
+        for path in (a.rows, images_beside(a.rows)):
+            save_table(DATA / "results" / "adaptation" / path.name, pd.read_csv(path))
 
 
 if __name__ == "__main__":

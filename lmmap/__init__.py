@@ -19,6 +19,7 @@ _HOME = {
     "Trajectory": "types",
     "Estimator": "pipeline.estimator",
     "PrintedEstimator": "pipeline.printed",
+    "SecondOpinion": "pipeline.second_opinion",
     "Tracker": "tracking.tracker",
     "circle": "pipeline.circle",
     "draw": "drawing.overlay",

@@ -3,7 +3,8 @@
 1. looks: some hundred images are estimated;
 2. labels: those that can be believed become images with masks, but for a part that is kept for the guard;
 3. learning: both networks of a camera are trained on for some hundred steps;
-4. guard: the new networks are taken only where they are surer of the part that was kept, and right there.
+4. guard: the new networks are asked, where the old ones are not sure, only if they explain the part that was
+   kept as well as those do.
 
 Work that is done lies in ``FOLDER/unfinished`` until all is; the same call then goes on from there.
 """
@@ -25,6 +26,7 @@ from lmmap.estimation.images import timed_images
 from lmmap.files import tune_allocator, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
+from lmmap.pipeline.second_opinion import BEFORE
 from lmmap.pipeline.weights import FILTERS, network_paths, save_weights, weight_path
 from lmmap.recordings.journal import Journal, recording_mark
 from lmmap.recordings.pose_files import round_trip
@@ -71,7 +73,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     ----------
     folder
         Where the networks go, named as `Estimator` expects them of a folder.  Where nothing could be learned,
-        they are those from before.
+        they are those from before; else these lie in it as well, for `SecondOpinion`.
     modalities
         Cameras to look at.  Each teaches the others, since they look at one port.
     weights, port
@@ -107,6 +109,8 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
         outcomes[m], nets = learn(recording, looks[m], track, estimator, old, recipes, unfinished)
         report(f"{m}: {outcomes[m].why}")
+        if outcomes[m].taken:
+            _keep(weights, m, folder / BEFORE)
         for recipe, net in zip(recipes, nets, strict=True):
             card = {"recipe": asdict(recipe), "made_of": facts, "adapted": outcomes[m].taken}
             card |= {"why": outcomes[m].why, **outcomes[m].facts}
@@ -117,13 +121,24 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     return outcomes
 
 
+def _keep(weights, modality: str, folder: Path) -> None:
+    """Copy a camera's weight files, and their cards, into a folder of networks."""
+    folder.mkdir(exist_ok=True)
+    for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
+        copy = folder / weight_path(name, modality, "low").name
+        shutil.copyfile(path, copy)
+        shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
+
+
 def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
     """All that the networks depend on, as JSON has it."""
     first = next(iter(estimators.values()))
     mark = recording_mark(recording.source.path) if isinstance(recording, Stream) else recording.name
     files = [path for m in estimators for path in network_paths(weights, m)]
     base = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in files}
-    facts = {"recording": mark, "seconds": seconds, "base": base, "steps": steps, "seed": seed,
+    how = {"steps": steps, "seed": seed, "rate": learning.RATE, "learned": learning.LEARNED,
+           "labels": self_labels.MOST_LABELS}  # fmt: skip
+    facts = {"recording": mark, "seconds": seconds, "base": base, **how,
              "camera": asdict(first.camera), "port": asdict(first.port),
              "settings": asdict(first.settings)}  # fmt: skip
     return json.loads(json.dumps(facts))

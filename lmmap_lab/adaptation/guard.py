@@ -1,7 +1,8 @@
-"""Whether networks that have learned a place are taken, and how sure they must be of a pose.
+"""Whether networks that have learned a place are asked, and how sure they must be of a pose.
 
-The track says which poses are believed and which contradicted, of the old networks and of the new ones.  Part
-of the recording teaches nothing, and there the new networks have to find more.
+They are asked where the old ones are not sure, so what must be guarded is what they add where there was no
+pose.  The track says which poses are believed and which contradicted.  Part of the recording teaches nothing,
+and there the new networks, asked alone, have to explain as much as the old ones do.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.types import Estimate
 
-from .self_labels import believed
+from .self_labels import SURE, believed
 from .smooth_track import SmoothTrack
 
 
@@ -26,30 +27,30 @@ class Verdict:
     Attributes
     ----------
     taken
-        Whether they take the old ones' place.
+        Whether the new networks are asked.
     min_confidence
         The limit that their poses have to reach.
     before, after
-        How many reported poses are believed and contradicted, of the old and of the new networks, among the
-        images that taught nothing.
-    belief
-        Of the old and of the new networks: mean confidence of the believed ones, over all of those images.
+        How many reported poses are believed and contradicted, of the old and of the new networks alone, among
+        the images that taught nothing.
     images
         How many those are.
+    more
+        How many images without a pose of the old networks have one of the new that is believed, among all.
     """
 
     taken: bool
     min_confidence: float
     before: tuple[int, int]
     after: tuple[int, int]
-    belief: tuple[float, float]
     images: int
+    more: int
 
     def __str__(self) -> str:
         (old, old_wrong), (new, new_wrong) = self.before, self.after
-        return (f"of {self.images} images that taught nothing, {old} had a pose that the track believes and "
-                f"{old_wrong} one that it contradicts, now {new} and {new_wrong}; mean confidence "
-                f"{self.belief[0]:.2f}, now {self.belief[1]:.2f}")  # fmt: skip
+        return (f"of {self.images} images that taught nothing the track believes {old} poses and contradicts "
+                f"{old_wrong}, of the new networks alone {new} and {new_wrong}; {self.more} images without a "
+                "pose get one that it believes")  # fmt: skip
 
 
 class Guard:
@@ -86,35 +87,27 @@ class Guard:
     def judge(self, new: Sequence[Estimate]) -> Verdict:
         """New networks' estimates of the same images.
 
-        Their limit is the lowest, not under that of the camera that is trusted less, at which they report no
-        more contradicted poses than the old ones do.  They are taken if then, among the images that taught
-        nothing, they report no fewer that are believed and no more that are contradicted, and are surer.
+        Where the old networks report no pose, those of the new ones must be as sure as a label, and surer
+        than any that the track contradicts.  They are taken if that leaves any that it believes, and if,
+        among the images that taught nothing, they alone report no fewer believed poses than the old ones.
         """
         joint = self._track.with_more(("new", e) for e in new)
         old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (self._old, new))
-        wrong = sorted((e.confidence for e, trust in new if trust is False), reverse=True)
-        allowed = _reported(old, self._limit)[1]
-        withheld = wrong[allowed : allowed + 1]  # the surest that must not be reported
+        added = [pair for pair, (first, _) in zip(new, old, strict=True) if first.T_cam_port is None]
         limits = self._estimator.settings.min_confidence
-        least = max([limits.rgb, limits.event, *(float(np.nextafter(p, 2.0)) for p in withheld)])
-        asked = [[pair for pair, kept in zip(each, self._kept, strict=True) if kept] for each in (old, new)]
+        wrong = [float(np.nextafter(e.confidence, 2.0)) for e, trust in added if trust is False]
+        least = max([SURE, limits.rgb, limits.event, *wrong])
         before, after = (
-            _reported(each, limit) for each, limit in zip(asked, (self._limit, least), strict=True)
+            _reported([pair for pair, kept in zip(each, self._kept, strict=True) if kept], self._limit)
+            for each in (old, new)
         )
-        belief = _belief(asked[0], self._limit), _belief(asked[1], least)
-        taken = after[0] >= before[0] and after[1] <= before[1] and belief[1] > belief[0]
-        return Verdict(taken, least, before, after, belief, len(asked[0]))
+        (more, _), images = _reported(added, least), int(np.sum(self._kept))
+        return Verdict(more > 0 and after[0] >= before[0], least, before, after, images, more)
 
     def _trust(self, e: Estimate, *tracks: SmoothTrack) -> bool | None:
         """What the first track that reaches an estimate says of it."""
         told = (believed(e, track, self._estimator) for track in tracks)
         return next((trust for trust in told if trust is not None), None)
-
-
-def _belief(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> float:
-    """Mean over images of the confidence of a pose that is reported and believed; 0 for one without."""
-    sure = [e.confidence for e, trust in judged if trust and e.found is not None and e.confidence >= limit]
-    return sum(sure) / max(len(judged), 1)
 
 
 def _reported(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> tuple[int, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -25,8 +27,8 @@ def draw_places(images: pd.DataFrame):
     lights = [light for light in LIGHTS if light in table.index.get_level_values("light")]
     fig, axes = plt.subplots(1, len(lights), figsize=(7.6, 3.6), sharex=True, squeeze=False)
     for ax, light in zip(axes[0], lights, strict=True):
-        cell = table.loc[light].sort_index(level=["modality", "learned_on"], ascending=[True, True])
-        for y, ((_, modality), row) in enumerate(cell.iterrows()):
+        cell = table.loc[light].sort_index(level=["modality", "judged_on"], ascending=[True, True])
+        for y, ((*_, modality), row) in enumerate(cell.iterrows()):
             before, after = row["right"][["before", "after"]]
             ax.plot([before, after], [y, y], color=COLOUR[modality], lw=1.2)
             ax.plot(before, y, "o", ms=5, color=COLOUR[modality], markerfacecolor="white")
@@ -52,6 +54,20 @@ def light_table(images: pd.DataFrame) -> pd.DataFrame:
     shown = shown.loc[order].rename(index=WORDS | CAMERAS)
     return shown.rename(columns={w: f"{w} (%)" for w in places.COUNTED}, level=0).rename_axis(
         index=["", ""], columns=[None, None]
+    )
+
+
+def carried_table(images: pd.DataFrame) -> pd.DataFrame:
+    """How many poses of events are right and wrong on other recordings of the places that taught, before and
+    after, by the light of either."""
+    table = places.carried(images, "event")
+    shown = table[[(what, when) for what in places.COUNTED for when in places.WHEN]].astype(int)
+    shown[("", "images")] = table["images", "before"].astype(int)
+    order = [pair for pair in product(LIGHTS, LIGHTS) if pair in shown.index]
+    return (
+        shown.loc[order]
+        .rename(index=WORDS)
+        .rename_axis(index=["taught by", "judged on"], columns=[None, None])
     )
 
 

@@ -94,10 +94,9 @@ def learned_networks(roles: dict, out: Path, port: Port, report) -> Path:
     bags = sorted(roles["train"], key=lambda b: b.textured) or roles["test"]
     alike = [b for b in bags if b.textured == bags[0].textured]
     bag = max(alike, key=lambda b: authors_bags.bag_contents(b.path)["seconds"])
-    stream, facts = open_stream(bag.path), bag.path.stat()
-    mark = fingerprint(bag.path.name, *map(str, (facts.st_size, facts.st_mtime_ns, port, stream.camera)))
+    stream = open_stream(bag.path)
     report(f"learned: from {bag.path.name}{'' if roles['train'] else ', which is tested on'}")
-    folder = out / f"learned-{mark[:12]}"
+    folder = out / f"learned-{_mark(bag.path.name, bag.path, port, stream.camera)[:12]}"
     adapt(stream, folder, port=port, report=report)
     return folder
 
@@ -115,8 +114,7 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
     InputError
         If the folder cannot be written, or if what lies there has no mark: it is not ours to remove.
     """
-    facts, mark_path = bag.stat(), path.with_suffix(".made-of")
-    mark = fingerprint(path.name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))
+    mark, mark_path = _mark(path.name, bag, *made_of), path.with_suffix(".made-of")
     if path.exists() and not mark_path.exists():
         raise InputError(f"{path}: is not ours to replace; move it away, or give another output")
     try:
@@ -126,3 +124,9 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
     except OSError as error:
         raise InputError(f"{path}: cannot write ({error.strerror}); choose another place for it") from None
     return path
+
+
+def _mark(name: str, bag: Path, *made_of) -> str:
+    """The fingerprint of a bag's results by that name."""
+    facts = bag.stat()
+    return fingerprint(name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))

@@ -12,7 +12,7 @@ from .reliability import reliability
 
 COUNTED = ("right", "wrong")
 WHEN = ("before", "after")
-KEY = ["learned_on", "modality"]
+KEY = ["learned_on", "judged_on", "modality"]
 
 
 def light_of(place: str) -> str:
@@ -29,12 +29,12 @@ def with_both(images: pd.DataFrame) -> pd.DataFrame:
     kept = images[~images.set_index(KEY).index.isin(taken)].assign(when="after")
     both = pd.concat([images, kept], ignore_index=True)
     return both.assign(
-        light=both.learned_on.map({place: light_of(place) for place in both.learned_on.unique()})
+        light=both.judged_on.map({place: light_of(place) for place in both.judged_on.unique()})
     )
 
 
 def by_recording(images: pd.DataFrame) -> pd.DataFrame:
-    """Percent of right and wrong poses by light, recording and camera (rows), before and after (columns)."""
+    """Percent of right and wrong poses by light, recordings and camera (rows), before and after (columns)."""
     groups = with_both(images).groupby(["light", *KEY, "when"])
     counts = groups[list(COUNTED)].mean().mul(100).assign(images=groups.size())
     return counts.unstack("when")[[*COUNTED, "images"]]
@@ -61,6 +61,26 @@ def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataF
                 row |= {f"{what}_percent": values.mean(), f"{what}_low": low, f"{what}_high": high}
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def own(images: pd.DataFrame) -> pd.DataFrame:
+    """Images of the recordings that taught."""
+    return images[images.learned_on == images.judged_on]
+
+
+def carried(images: pd.DataFrame, modality: str) -> pd.DataFrame:
+    """What networks gain on other recordings of the place that taught them.
+
+    Returns
+    -------
+    DataFrame
+        By ``taught`` and ``judged``, the lights of the two recordings, and for each of `WHEN` the
+        ``images`` and how many of them are ``right`` and ``wrong``.
+    """
+    both = with_both(images[(images.learned_on != images.judged_on) & (images.modality == modality)])
+    both = both.assign(taught=both.learned_on.map(light_of), judged=both.light)
+    groups = both.groupby(["taught", "judged", "when"])
+    return groups[list(COUNTED)].sum().assign(images=groups.size()).unstack("when")
 
 
 def most_lost(images: pd.DataFrame) -> float:

@@ -12,7 +12,9 @@ from strategies import PORT, line
 from lmmap.estimation.estimates import estimate
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.second_opinion import SecondOpinion, estimator_of
 from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
+from lmmap.settings import OURS
 from lmmap.types import Recording
 from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import learning, self_labels
@@ -27,9 +29,8 @@ def adapt(recording, folder, **options):
 
 
 def right_and_wrong(recording: Recording, weights, port=PORT) -> tuple[int, int]:
-    table = errors(
-        recording, list(estimate(recording, Estimator(recording.camera, port, weights=weights))), port
-    )
+    estimator = estimator_of(recording.camera, port, "rgb", weights)
+    table = errors(recording, list(estimate(recording, estimator)), port)
     wrong = is_wrong(table)
     return int((table.position_error_m.notna() & ~wrong).sum()), int(wrong.sum())
 
@@ -63,6 +64,17 @@ def test_networks_that_learned_find_more_and_nothing_wrong(learned):
     assert outcome.taken and not same_networks(folder)
     before, after = (right_and_wrong(places.recording(), weights) for weights in ("robust", folder))
     assert after[0] > before[0] and after[1] <= before[1]
+
+
+def test_a_sure_pose_stays(learned):
+    old, both = (estimator_of(places.CAMERA, PORT, "rgb", weights) for weights in ("robust", learned[0]))
+    before, after = (list(estimate(places.recording(), e)) for e in (old, both))
+    assert isinstance(both, SecondOpinion) and not isinstance(old, SecondOpinion)
+    added = [b.T_cam_port is None and a.T_cam_port is not None for b, a in zip(before, after, strict=True)]
+    sure = [b.T_cam_port is not None and b.confidence >= OURS.sure_confidence for b in before]
+    assert any(added) and any(sure)
+    assert all(repr(a) == repr(b) for kept, a, b in zip(sure, after, before, strict=True) if kept)
+    assert min(a.confidence for more, a in zip(added, after, strict=True) if more) >= self_labels.SURE
 
 
 def test_cards_say_what_networks_were_made_of_and_the_limit_holds(learned):

@@ -12,6 +12,7 @@ from test_rig import line, write_arm
 from lmmap import open_recording
 from lmmap.cli import main
 from lmmap.files import CAMERA
+from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.types import Camera, InputError, Trajectory
@@ -20,7 +21,6 @@ from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import authors_bags, calibration, checkerboard, standin
 from lmmap_lab.rig.truth import true_trajectory
-from lmmap_lab.studies import on_authors_bags
 
 MINI = DATA / "mini" / "test-low.aedat4"
 
@@ -126,7 +126,7 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
         code, _, err = run(capsys, *argv, *bad)
         assert code == 1 and err.count("\n") == 1
-    monkeypatch.setattr(on_authors_bags.Estimator, "__call__", None)  # nothing is estimated twice
+    monkeypatch.setattr(Estimator, "__call__", None)  # nothing is estimated twice
     monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: calibrated)
     code, out, _ = run(capsys, *argv, "30", "--json", "--overwrite")
     assert code == 0 and json.loads(out)["root"] == "base_link"

@@ -10,6 +10,7 @@ from attack_mutations import mutated
 from test_authors_bags import brief, run
 
 from lmmap.files import CAMERA
+from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.weights import weight_path
 from lmmap.recordings.rig import RIG_FILE
 from lmmap.recordings.stream import Source, Stream
@@ -54,7 +55,7 @@ def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
     assert 0 < error_m["low", "rgb", "position_error_m"] < 0.01
     assert error_m["low", "rgb", "position_error_m"] == error_m["mixed", "rgb", "position_error_m"]
     assert len(pd.read_csv(made / "false.csv")) == 2
-    monkeypatch.setattr(on_authors_bags.Estimator, "__call__", None)  # a second run estimates nothing anew
+    monkeypatch.setattr(Estimator, "__call__", None)  # a second run estimates nothing anew
     code, again, _ = run(capsys, "reproduce", "--data", folder)
     assert code == 0 and again == out
     next(folder.rglob("light__hard.bag")).unlink()  # what came of it goes with it

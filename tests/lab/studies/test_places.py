@@ -11,7 +11,16 @@ def images():
     rows = [("scene-61002:20", "before", k < 2, k == 2) for k in range(4)]
     rows += [("scene-61002:20", "after", k < 3, False) for k in range(4)]
     rows += [("scene-61005:20", "before", True, False) for _ in range(4)]
-    return pd.DataFrame(rows, columns=["learned_on", "when", "right", "wrong"]).assign(modality="event")
+    table = pd.DataFrame(rows, columns=["learned_on", "when", "right", "wrong"]).assign(modality="event")
+    return table.assign(judged_on=table.learned_on)
+
+
+def elsewhere():
+    """The same, with the first place's networks judged on two other recordings as well."""
+    first = images()[:8]
+    return pd.concat(
+        [images(), first.assign(judged_on="scene-61004:20"), first.assign(judged_on="scene-61003:20")]
+    )
 
 
 @pytest.mark.parametrize(
@@ -28,9 +37,18 @@ def test_a_place_has_the_light_of_its_sequence(place, light):
 
 
 def test_networks_that_were_not_taken_leave_all_as_it_was():
-    right = places.by_recording(images())["right"].droplevel(["light", "modality"])
+    right = places.by_recording(images())["right"].droplevel(["light", "judged_on", "modality"])
     assert right.loc["scene-61002:20"].to_dict() == {"before": 50, "after": 75}
     assert right.loc["scene-61005:20"].to_dict() == {"before": 100, "after": 100}
+
+
+def test_what_other_recordings_judge_is_apart():
+    pd.testing.assert_frame_equal(places.own(elsewhere()), images())
+    table = places.carried(elsewhere(), "event")
+    assert table.index.tolist() == [("low", "high"), ("low", "medium")]
+    assert table["right"].loc[("low", "high")].to_dict() == {"before": 2, "after": 3}
+    assert table["wrong"].loc[("low", "medium")].to_dict() == {"before": 1, "after": 0}
+    assert (table["images"] == 4).all(axis=None)
 
 
 def test_means_are_over_recordings_within_their_intervals():

@@ -1,0 +1,77 @@
+"""Networks that have learned a place, asked only where those from before find no sure pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..settings import Settings
+from ..types import Estimate, Port
+from . import agreement
+from .estimator import Estimator
+from .image_estimator import Weights
+from .inputs import AnyCamera
+from .masks import Expected
+from .weights import DOMAIN_GAPS, network_paths
+
+BEFORE = "before"  # folder of the networks from before, in one of networks that have learned
+
+
+class SecondOpinion(Estimator):
+    """Pose of the port in one image, called as `Estimator` is: by the networks from before, and where these
+    are not sure also by those that have learned.  A sure pose cannot be lost by learning.
+
+    Parameters
+    ----------
+    camera, port, modality, settings, precision
+        As `Estimator`.
+    weights
+        Folder of ``lmmap adapt`` whose networks of this modality have learned.
+    """
+
+    learned: Estimator | None = None  # the single looks of which an estimate is made have none
+
+    def __init__(self, camera: AnyCamera, port: Port | None, modality: str, weights: str | Path,
+                 settings: Settings | None = None, precision: str = "auto"):  # fmt: skip
+        super().__init__(camera, port, modality, Path(weights) / BEFORE, settings, precision)
+        self.learned = Estimator(camera, port, modality, weights, settings, precision)
+
+    def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
+        """As `Estimator`."""
+        first = super().__call__(image, t_us, near)
+        if self.learned is None or not agreement.needs_more_events(first, self.settings):
+            return first
+        return self._joined(first, self.learned(image, t_us, near))
+
+    def _joined(self, first: Estimate, second: Estimate) -> Estimate:
+        """The first pose, confirmed or doubted by the second; the second pose where there is none, or where
+        it contradicts a less sure one, if the second networks' own limit allows it."""
+        if first.T_cam_port is None:
+            return first if second.T_cam_port is None else second
+        if second.found is None:
+            return first
+        both = self.together([first, second])
+        if both.found is first.found or agreement.alike(first.found, second.found, self.port, self.settings):
+            return both
+        return both.judged(both.confidence, self.learned.settings.min_confidence[self.modality])
+
+
+def estimator_of(camera: AnyCamera, port: Port | None, modality: str, weights: Weights,
+                 settings: Settings | None = None) -> Estimator:  # fmt: skip
+    """A `SecondOpinion` of a folder whose networks of this modality have learned, of other weights an
+    `Estimator`."""
+    kind = SecondOpinion if _before(weights, modality) else Estimator
+    return kind(camera, port, modality, weights, settings)
+
+
+def weight_files(weights: str | Path, modality: str) -> list[Path]:
+    """The weight files that `estimator_of` reads."""
+    return [*network_paths(weights, modality), *_before(weights, modality)]
+
+
+def _before(weights: Weights, modality: str) -> list[Path]:
+    """The weight files from before that a folder keeps."""
+    if not isinstance(weights, str | Path) or weights in DOMAIN_GAPS:
+        return []
+    return [path for path in network_paths(Path(weights) / BEFORE, modality) if path.exists()]

@@ -1,0 +1,110 @@
+"""Networks that have learned are asked only where those from before have no sure pose."""
+
+import shutil
+from argparse import Namespace
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from strategies import CAMERA, PORT, pose
+
+from lmmap.cli.inputs import make_estimator
+from lmmap.geometry.port import ideal_masks
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of, weight_files
+from lmmap.pipeline.weights import FILTERS, weight_path
+from lmmap.settings import OURS, PerCamera
+from lmmap.types import Estimate, Status
+
+MASKS = ideal_masks(pose((180, 120), 0.6, 0.5, 0.8), PORT, CAMERA)
+OTHER = ideal_masks(pose((150, 130), 0.7, 0.4, 2.0), PORT, CAMERA)
+TRUE, OFF = pose((180, 120), 0.6, 0.5, 0.8), pose((180, 120), 0.6, 0.7, 0.8)
+NOTHING = np.zeros_like(MASKS[0])
+IMAGE = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
+EVERY_POSE = replace(OURS, min_confidence=PerCamera(0.0, 0.0), sure_confidence=0.0)  # the image is blank
+
+
+def networks(ring, markers):
+    return {"ring_network": lambda image: ring, "reflector_network": lambda image: markers}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Networks of frames that have learned, and those from before; of events those from before alone."""
+    for target, gap, cameras in ((tmp_path / BEFORE, "robust", ["rgb"]), (tmp_path, "low", ["rgb", "event"])):
+        target.mkdir(exist_ok=True)
+        for name, camera in product(FILTERS, cameras):
+            for ending in (".safetensors", ".json"):
+                own = weight_path(name, camera, "low").with_suffix(ending).name
+                shutil.copyfile(weight_path(name, camera, gap).with_suffix(ending), target / own)
+    return tmp_path
+
+
+@pytest.mark.parametrize("first, second, answer", [
+    (MASKS, OTHER, MASKS), (MASKS, (NOTHING, NOTHING), MASKS), ((NOTHING, NOTHING), OTHER, OTHER),
+    ((MASKS[0], NOTHING), OTHER, OTHER), ((MASKS[0], NOTHING), (NOTHING, NOTHING), (MASKS[0], NOTHING)),
+])  # fmt: skip
+def test_the_answer_is_the_first_that_has_a_pose(folder, first, second, answer):
+    both = SecondOpinion(CAMERA, PORT, "rgb", folder, EVERY_POSE)
+    vars(both).update(networks(*first))
+    vars(both.learned).update(networks(*second))
+    alone = Estimator(CAMERA, PORT, "rgb", tuple(networks(*answer).values()), EVERY_POSE)(IMAGE, 7)
+    told = both(IMAGE, 7)
+    assert told.status == alone.status != Status.NO_RING and told.t_us == 7
+    if alone.T_cam_port is not None:
+        assert np.array_equal(told.T_cam_port.rotation, alone.T_cam_port.rotation)
+        assert np.array_equal(told.T_cam_port.position_m, alone.T_cam_port.position_m)
+
+
+@pytest.fixture
+def both(folder, monkeypatch):
+    """A second opinion whose two answers to the image are given."""
+
+    def answer(first, second):
+        estimator = SecondOpinion(CAMERA, PORT, "rgb", folder)
+        limits = PerCamera(0.9, 0.9)
+        estimator.learned.settings = replace(estimator.learned.settings, min_confidence=limits)
+        told = {id(estimator): first, id(estimator.learned): second}
+        monkeypatch.setattr(Estimator, "__call__", lambda self, *_: told.pop(id(self)))
+        return estimator(IMAGE, 7), bool(told)
+
+    return answer
+
+
+def estimate(T, confidence):
+    return Estimate(7, Status.OK, T).judged(confidence, 0.5)
+
+
+def test_a_sure_pose_is_not_asked_about(both):
+    sure = estimate(TRUE, OURS.sure_confidence)
+    assert both(sure, estimate(OFF, 1.0)) == (sure, True)
+
+
+@pytest.mark.parametrize("second, pose, reported", [
+    ((TRUE, 0.9), TRUE, True), ((TRUE, 0.6), TRUE, True), ((OFF, 0.6), TRUE, True),
+    ((OFF, 0.78), TRUE, False), ((OFF, 0.9), OFF, False), ((OFF, 0.999), OFF, True),
+])  # fmt: skip
+def test_a_pose_in_doubt_is_confirmed_contradicted_or_replaced(both, second, pose, reported):
+    told, unasked = both(estimate(TRUE, 0.8), estimate(*second))
+    assert not unasked and told.found is pose
+    assert (told.T_cam_port is not None) == reported
+    assert (told.confidence >= max(0.8, second[1])) == (second[0] is TRUE)
+
+
+def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(folder, monkeypatch):
+    assert type(estimator_of(CAMERA, PORT, "rgb", folder)) is SecondOpinion
+    assert type(estimator_of(CAMERA, PORT, "event", folder)) is Estimator
+    assert type(estimator_of(CAMERA, PORT, "rgb", tuple(networks(*MASKS).values()))) is Estimator
+    assert [p.parent.name for p in weight_files(folder, "rgb")] == [folder.name] * 2 + [BEFORE] * 2
+    assert len(weight_files(folder, "event")) == 2
+    (folder / BEFORE).rename(folder / "low")
+    monkeypatch.chdir(folder)  # a set of networks is meant, whatever lies here
+    (folder / "low" / BEFORE).mkdir()
+    shutil.copy(folder / "low" / weight_path("ring", "rgb", "low").name, folder / "low" / BEFORE)
+    assert type(estimator_of(CAMERA, PORT, "rgb", "low")) is Estimator
+
+
+def test_the_command_line_asks_both(folder):
+    a = Namespace(rate=None, events=None, weights=folder, port=None, recording=folder / "run.h5")
+    assert type(make_estimator(a, CAMERA, "rgb")) is SecondOpinion
