@@ -66,6 +66,9 @@ def article(page: str, printed: set[str]) -> Tag:
         open_fold(soup, fold)
     for part in body.select("[hidden]"):
         part.decompose()
+    for line in body.select("section > p"):  # into the modules, which are not printed
+        if line.get_text().startswith("Code:"):
+            line.decompose()
     for part in body.select("[id]"):
         part["id"] = label(page, part["id"])
     for picture in body.select("img"):

@@ -7,8 +7,10 @@ import importlib
 import inspect
 
 from lmmap_lab import provenance
+from lmmap_lab.studies import accuracy_run, odometry
 
-FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA}
+FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA,
+           "COMMITTED": accuracy_run.COMMITTED, "odometry.FOLDER": odometry.FOLDER}  # fmt: skip
 
 
 def sources(cells: list[str]) -> list[set[str]]:
@@ -93,8 +95,9 @@ def _path(node) -> set[str]:
     while isinstance(node, ast.BinOp):
         parts.append(node.right.value if isinstance(node.right, ast.Constant) else None)
         node = node.left
-    if not (isinstance(node, ast.Name) and node.id in FOLDERS):
+    folder = FOLDERS.get(ast.unparse(node))
+    if folder is None:
         return set()
     parts = parts[::-1]
     known = parts[: parts.index(None)] if None in parts else parts
-    return {str(FOLDERS[node.id].relative_to(provenance.ROOT).joinpath(*map(str, known)))}
+    return {str(folder.relative_to(provenance.ROOT).joinpath(*map(str, known)))}

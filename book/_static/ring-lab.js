@@ -169,7 +169,7 @@
     root.innerHTML = `<div class="views">
       <svg class="space" viewBox="0 0 346 260" tabindex="0" role="img" aria-label="camera, cone of sight and circles in space; drag or use the arrow keys to look from elsewhere"></svg>
       <svg class="image" viewBox="-2 -2 350 264" tabindex="0" role="img" aria-label="the camera's image; drag or use the arrow keys to move the ring"></svg></div>
-      <p class="legend"><span class="truth">the ring</span> <span class="twin">its twin</span> <span class="printed">the printed formula's circle</span> <span>× the ellipse's centre</span> <span>● the ring's centre</span></p>
+      <p class="legend"><span class="truth">the ring</span> <span class="twin">its twin</span> <span class="printed">the printed formula's circle</span> <span>× the ellipse's centre</span> <span><b class="ring-centre">●</b> the ring's centre</span></p>
       <div class="controls">${SLIDERS.map(([key, name, low, high, step]) => `<label>${name} <output></output><input type="range" name="${key}" min="${low}" max="${high}" step="${step}"></label>`).join("")}
       <label class="check"><input type="checkbox" name="same_image"> with another lens, keep the size of the ring's image (the paper fixes only that)</label>
       <p class="buttons"><button type="button" data-set='{"tilt_deg":0,"distance_m":0.6,"u_px":172.5,"v_px":129.5}'>head-on at 0.6 m</button> <button type="button" data-set='{"tilt_deg":45,"distance_m":0.6}'>45° at 0.6 m</button> <button type="button" data-set='${JSON.stringify(START)}'>start again</button></p></div>

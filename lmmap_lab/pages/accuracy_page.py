@@ -10,7 +10,7 @@ import pandas as pd
 from ..studies.accuracy_run import run_before
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
-from .tables import CAMERAS, LIGHTS, WORDS, accuracy_table, sentence_table, with_ends
+from .tables import CAMERAS, LIGHTS, WORDS, accuracy_table, claim_table, with_ends
 
 
 def when_made(before: Sequence[str]) -> str:
@@ -111,28 +111,25 @@ def coverage_table(coverage: pd.DataFrame) -> pd.DataFrame:
 
 def verdict_table(claims: pd.DataFrame):
     """`claims.claims`, styled: the verdict of each estimator, in bold letters the one that decides."""
-    columns = {"": claims.part, "the paper's words": claims.claim}
+    columns = {}
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"].replace(NOT_RUN, "")
         columns[name] = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
-    return sentence_table(pd.DataFrame(columns))
+    return claim_table(claims, "", columns)
 
 
 def claims_table(claims: pd.DataFrame):
     """`claims.claims`, styled: in small print under each claim what its numbers are and the rule, and under
     each verdict its numbers; the verdict that decides stands in bold letters."""
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
-    told = ["numbers", "paper", *ESTIMATORS]  # pairs of cells, in a light after the other
-    claims = claims.assign(**claims[told].apply(lambda texts: texts.str.replace(" | ", " and ")))
+    pairs = ["numbers", "paper", *ESTIMATORS]  # pairs of cells, in a light after the other
+    claims = claims.assign(**claims[pairs].apply(lambda texts: texts.str.replace(" | ", " and ")))
     numbers = ("Numbers: " + claims.numbers + ". ").mask(claims.numbers == "in words", "")
-    columns = {
-        "": claims.part,
-        "the paper's words": claims.claim + "<br><small>" + numbers + "Holds if: " + reasons + "</small>",
-        "paper": claims.paper,
-    }
+    told = "<br><small>" + numbers + "Holds if: " + reasons + "</small>"
+    columns = {"paper": claims.paper}
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"]
         numbers = claims[estimator].where(claims[estimator] != NOT_RUN, "")
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
-    return sentence_table(pd.DataFrame(columns))
+    return claim_table(claims, told, columns)

@@ -19,6 +19,8 @@ from ..studies.reliability import share_intervals
 from .drawings import COLOUR
 from .tables import CAMERAS, LIGHTS
 
+BESIDE = 0.97  # a confidence near the corner of a plot
+
 
 def found_poses(folder: Path, labels: Mapping[str, tuple[str, str]]) -> pd.DataFrame:
     """A row for each image with the ring in view, with the errors of the pose found, reported or not.
@@ -100,8 +102,9 @@ def seen_table(seen: pd.DataFrame) -> pd.DataFrame:
 
 
 def cells_in_words(cells: pd.DataFrame) -> str:
-    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in high light."""
-    return ", ".join(f"{CAMERAS[c.modality]} in {LIGHTS[c.light]}" for c in cells.itertuples())
+    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in low and high light."""
+    lights = {CAMERAS[m]: " and ".join(rows.light) for m, rows in cells.groupby("modality", sort=False)}
+    return ", ".join(f"{camera} in {words} light" for camera, words in lights.items())
 
 
 def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
@@ -121,14 +124,18 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
             ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
                         color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
             for row, end in zip(table.itertuples(), ends[:, 1 if side > 0 else 0], strict=True):
-                ax.annotate(f"{row.poses:,}", (row.confidence, end), (0, 5 * side),
-                            textcoords="offset points", ha="center", va="bottom" if side > 0 else "top",
-                            color=COLOUR[name], size="small")  # fmt: skip
+                last = row.confidence > BESIDE  # the numbers of the last bins stand beside their dots
+                ax.annotate(f"{row.poses:,}", (row.confidence, row.right if last else end),
+                            (6, 6 * side) if last else (0, 5 * side), textcoords="offset points",
+                            ha="left" if last else "center", color=COLOUR[name], size="small",
+                            va="center" if last else "bottom" if side > 0 else "top")  # fmt: skip
             least = min(least, ends.min(), table.confidence.min())
         least = np.floor(10 * least) / 10
-        beyond = 1 + 0.15 * (1 - least)
+        beyond = 1 + 0.25 * (1 - least)
         ax.set(title=title, xlabel="confidence", xlim=(least, beyond),
                ylim=(least - 0.05 * (1 - least), beyond))  # fmt: skip
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_ticks([tick for tick in axis.get_majorticklocs() if least <= tick < 1.01])
         ax.legend(loc="lower right")
     axes[0].set_ylabel("share of right poses")
     return fig

@@ -169,7 +169,7 @@ def _paint(image, known: Estimate, recording: Recording, where: str, ax, answer=
     truth = None if recording.truth is None else recording.truth.at(np.array([known.t_us]))[0]
     drawings.draw_estimate(ax, image, answer, port, camera, truth)
     if answer.T_cam_port is None and answer.ellipse is not None:
-        drawings.draw_ellipse(ax, answer.ellipse)
+        drawings.draw_ellipse(ax, answer.ellipse, drawings.COLOUR["paper"])  # far from the truth's green
     ring = answer.ellipse if truth is None else circle_ellipse(truth, port.ring_radius_m, camera)
     if ring is not None:  # millimetres could not be seen in a whole image
         drawings.look_at(ax, ring, MARGIN)

@@ -19,6 +19,8 @@ MEASURES = {  # of `domain_gap`: title, scale
     "pose_right": ("right poses (%)", 100),
 }  # fmt: skip
 SHIFTS = {"rgb": -0.15, "event": 0.15}  # of a camera's marks, beside a light
+VARIATIONS = {"expose": "exposure", "hot_pixels": "hot pixels", "compress": "compression",
+              "thin": "lost events", "noise_events": "noise events", "N": "event count"}  # fmt: skip
 PROMISES = (("position_m", "mm", 1e3), ("normal_deg", "°", 1.0))  # what, unit, scale
 
 
@@ -37,7 +39,7 @@ def draw_costs(table: pd.DataFrame, place: str = "film"):
             cells = costs[(costs.measure == measure) & (costs.modality == m)].set_index("light").loc[lights]
             at, seeds = np.arange(len(lights)) + shift, cells.filter(like="seed_")
             for seed in seeds:
-                ax.plot(at, scale * seeds[seed], "x", ms=4, color=COLOUR[m], alpha=0.5)
+                ax.plot(at + 0.11, scale * seeds[seed], "x", ms=4, mew=1.2, color=COLOUR[m])
             ends = scale * cells[["value", "low", "high"]]
             draw_intervals(ax, at, ends.value, ends.low, ends.high, COLOUR[m], CAMERAS[m])
         ax.axhline(0, color=COLOUR["ink"], lw=0.8)

@@ -20,7 +20,7 @@ from ..provenance import DATA
 from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import networks_page
-from .tables import CAMERAS, LIGHTS, shares_with_ends
+from .tables import CAMERAS, LIGHTS, sentence_table, shares_with_ends
 
 NETWORKS = {"ring": "ring", "reflector": "markers"}
 ENOUGH = 10  # images, to say where a set is weakest
@@ -48,6 +48,11 @@ def training(domain_gap: str) -> pd.DataFrame:
                 "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
             })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def training_table(domain_gap: str):
+    """`training`, styled."""
+    return sentence_table(training(domain_gap)).format(precision=3, thousands=",")
 
 
 def devices() -> str:
@@ -79,6 +84,13 @@ def tests(domain_gap: str) -> pd.DataFrame:
         "light": chosen.light, "right (%)": chosen.right_percent, "wrong (%)": chosen.wrong_percent,
         "no pose (%)": chosen.none_percent, "images": chosen.images,
     })  # fmt: skip
+
+
+def tests_table(domain_gap: str):
+    """`tests`, styled: the rows grouped by place and camera."""
+    table = tests(domain_gap).replace({"light": LIGHTS, "place": {"slow": "slow motion"}})
+    rows = table.set_index(["place", "camera", "light"]).rename_axis(index=(None,) * 3)
+    return rows.style.format(precision=1)
 
 
 def hardest(domain_gap: str) -> tuple[str, float]:
@@ -168,7 +180,8 @@ def sensors() -> pd.DataFrame:
 
 def formats() -> pd.DataFrame:
     """What each command does with each format, as the tests found it."""
-    return pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
+    table = pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
+    return table.replace({"images": CAMERAS})
 
 
 def ring_range_px() -> tuple[float, float]:

@@ -35,12 +35,12 @@ def _draw_space(ax, T_cam_port: Pose, port: Port, camera: Camera) -> None:
     for corner in view:
         ax.plot(*_upright([np.zeros(3), corner]).T, color=COLOUR["ink"], lw=0.7)
     ax.plot(*_upright(_closed(view)).T, color=COLOUR["ink"], lw=0.7)
-    for pose, name in ((Pose.identity(), "cam"), (T_cam_port, "port")):
+    for pose, name, below_m in ((Pose.identity(), "cam", 0.05), (T_cam_port, "port", 0.14)):
         for axis, colour, label in zip(AXES, AXIS_COLOURS, "xyz", strict=True):
             ends = _upright([pose.position_m, pose @ axis])
             ax.plot(*ends.T, color=colour, lw=2)
             ax.text(*ends[1], f" {label}", color=colour)
-        ax.text(*_upright(pose.position_m) - [0, 0, 0.05], name, color=COLOUR["ink"], ha="center")
+        ax.text(*_upright(pose.position_m) - [0, 0, below_m], name, color=COLOUR["ink"], ha="center")
     ax.set_aspect("equal")
     ax.set_label("camera and port in space, each with its axes")
     ax.view_init(elev=22, azim=-55)

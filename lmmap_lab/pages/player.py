@@ -71,7 +71,7 @@ def plot_errors(errors: dict[str, np.ndarray], bounds_s, end_s: float) -> np.nda
         ax.text(start_s + 0.1, 0.6 * LIMITS_MM[1], name, fontsize=8, va="top")
     for level_mm in (1, 10, 100):
         ax.axhline(level_mm, color="#dddddd", lw=0.6, zorder=0)
-        ax.text(end_s, level_mm, f"{level_mm} mm ", fontsize=7, ha="right", va="bottom")
+        ax.text(end_s, level_mm, f"{level_mm} mm ", fontsize=7, ha="right", va="top")  # the titles are above
     ax.set(xlim=(0, end_s), ylim=LIMITS_MM)
     ax.legend(loc="lower right", ncols=2, fontsize=8)
     fig.canvas.draw()

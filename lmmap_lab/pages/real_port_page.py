@@ -112,8 +112,8 @@ def judge_cad(recording: Recording, estimates: list[Estimate], cad: Port, port: 
         "position off (mm)": 1e3 * off.position_error_m,
         "normal off (°)": off.normal_error_deg,
         "markers drawn off (px)": np.median([*map(_apart, drawn_px, true_px)]),
-        "probability of being right": np.median([e.confidence for e in posed]),
-        "markers seem off the CAD (px)": np.median([e.markers_off_px for e in posed]),
+        "confidence": np.median([e.confidence for e in posed]),
+        "off the CAD (px)": np.median([e.markers_off_px for e in posed]),
     }
 
 
@@ -135,26 +135,17 @@ def draw_chain(ax) -> None:
         ax.plot(x, y, "s", color=COLOUR["ink"], ms=8)
         above = name == "port"
         ax.text(x, y + (0.2 if above else -0.22), name, ha="center", va="bottom" if above else "top")
-    arrows = (
-        ("camera", "arm's base", "hand-eye file", "rgb", "-", -0.15),
-        ("arm's base", "flange", "the arm says (/tf)", "rgb", "-", -0.25),
-        ("flange", "port", "not published", "event", "--", 0.2),
-        ("camera", "port", "what our method measures", "truth", "-", -0.3),
+    arrows = (  # from, to, what it says and where
+        ("camera", "arm's base", "hand-eye file", (1.35, 0.75), "rgb", "-", -0.15),
+        ("arm's base", "flange", "the arm says (/tf)", (5.0, 0.5), "rgb", "-", -0.25),
+        ("flange", "port", "not published", (7.95, 1.3), "event", "--", 0.2),
+        ("camera", "port", "what our method measures", (4.15, 3.55), "truth", "-", -0.3),
     )
-    for start, end, said, colour, style, bend in arrows:
-        path = {
-            "arrowstyle": "->",
-            "color": COLOUR[colour],
-            "ls": style,
-            "lw": 1.8,
-            "shrinkA": 9,
-            "shrinkB": 9,
-        }
-        ax.annotate("", places[end], places[start], arrowprops=path | {"connectionstyle": f"arc3,rad={bend}"})
-        (xa, ya), (xb, yb) = places[start], places[end]
-        middle = (xa + xb) / 2 + bend * (yb - ya) / 2, (ya + yb) / 2 - bend * (xb - xa) / 2
-        box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none"}
-        ax.text(*middle, said, ha="center", va="center", fontsize=9, bbox=box)
-    ax.set(xlim=(-0.4, 8.6), ylim=(-0.4, 3.6))
+    for start, end, said, at, colour, style, bend in arrows:
+        path = {"arrowstyle": "->", "color": COLOUR[colour], "ls": style, "lw": 1.8, "shrinkA": 9,
+                "shrinkB": 9, "connectionstyle": f"arc3,rad={bend}"}  # fmt: skip
+        ax.annotate("", places[end], places[start], arrowprops=path)
+        ax.text(*at, said, ha="center", va="center", fontsize=9, color=COLOUR[colour])
+    ax.set(xlim=(-0.4, 8.6), ylim=(-0.4, 3.8))
     ax.set_label("camera, base, flange and port, and the four transforms between them")
     ax.set_axis_off()

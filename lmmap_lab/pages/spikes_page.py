@@ -75,8 +75,7 @@ def draw_pixel(axes, of_kinds: dict[str, AtPixel], ordinary: AtPixel) -> None:
     bottom.axhline(ordinary.logit[-1], **dashed)
     top.set(ylabel="spikes so far")
     bottom.set(xlabel="events so far (thousands)", ylabel="logit of the pixel")
-    for ax in axes:
-        ax.legend(fontsize=8)
+    top.legend(fontsize=8, loc="center right")
 
 
 def draw_curves(axes, outcomes: pd.DataFrame, over: str, networks, measures) -> None:
@@ -161,7 +160,7 @@ def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
     """What a window's ring mask takes, in words; *needed* leaves out what is multiplied by zero."""
     words = {"network": "network", "slices": "slices", "operations": "operations (10⁹)",
              "operations_needed": "needed (10⁹)", "millijoule": "energy (mJ)",
-             "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes a neuron",
-             "core_ms": "ring and markers on one core (ms)"}  # fmt: skip
+             "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes",
+             "core_ms": "time (ms)"}  # fmt: skip
     counts = ["operations", "operations_needed"]
     return costs.assign(**(1e-9 * costs[counts]))[list(words)].rename(columns=words)

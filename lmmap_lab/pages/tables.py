@@ -23,6 +23,7 @@ WORDS = {  # what a table calls a metric and its statistic
     ("rotation_error_deg", "rmse"): "rotation, RMSE (°)",
     ("detection_rate_percent", "all"): "found, all images (%)",
 }
+DIGITS = {"detection_rate_percent": 1, "wrong_percent": 1}  # after the point; of other metrics two
 ESTIMATORS = {"table1": "paper", "as_printed": "as printed", "ours": "ours", "fused": "fused"}
 LIGHTS = {"low": "low light", "medium": "medium light", "high": "high light"}
 CAMERAS = {"rgb": "frames", "event": "events", "fused": "fused"}
@@ -50,7 +51,11 @@ def accuracy_table(compared: pd.DataFrame, statistics: Sequence[str] = STATISTIC
     missing, parts = compared.table1 * np.nan, []
     for column, estimator in estimators.items():
         ends = (compared.get(column + end, missing) for end in ("", "_low", "_high"))
-        parts.append(compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), row=estimator))
+        digits = compared.metric.map(DIGITS).fillna(2).astype(int)
+        if column == "table1":  # whole millimetres
+            digits = digits.where(compared.metric != "position_error_m", 0)
+        cells = compared[CELL].assign(**dict(zip(INTERVAL, ends, strict=True)), digits=digits)
+        parts.append(cells.assign(row=estimator))
     wide = wide_table(pd.concat(parts), statistics, list(estimators.values()))
     unstated = WORDS["wrong_percent", "in_fov"], estimators.get("table1")
     if unstated in wide.index:
@@ -65,14 +70,15 @@ def wide_table(cells: pd.DataFrame, statistics: Sequence[str], rows: Sequence[st
     Parameters
     ----------
     cells
-        ``metric, statistic, light, modality``, ``row`` (one of ``rows``), and ``value, low, high``.
+        ``metric, statistic, light, modality``, ``row`` (one of ``rows``), ``value, low, high``, and how many
+        ``digits`` these have after the point.
     """
     cells = cells[cells.statistic.isin(statistics)]
     scale = np.where(cells.metric == "position_error_m", 1e3, 1.0)
     ends = (cells[name] * scale for name in INTERVAL)
     texts = cells.assign(
         title=metric_titles(cells), light=cells.light.map(LIGHTS), camera=cells.modality.map(CAMERAS),
-        text=[_with_interval(*values) for values in zip(*ends, strict=True)],
+        text=[_with_interval(*values) for values in zip(*ends, cells.digits, strict=True)],
     )  # fmt: skip
     wide = texts.pivot(index=["title", "row"], columns=["light", "camera"], values="text")
     index = product([words for (_, statistic), words in WORDS.items() if statistic in statistics], rows)
@@ -85,16 +91,11 @@ def metric_titles(cells: pd.DataFrame) -> list[str]:
     return [WORDS[key] for key in zip(cells.metric, cells.statistic, strict=True)]
 
 
-def _with_interval(value: float, lower: float, upper: float) -> str:
+def _with_interval(value: float, lower: float, upper: float, digits: int) -> str:
     if not np.isfinite(value):
         return "none"
-    ends = [_three_digits(end) for end in (lower, upper) if np.isfinite(end)]
-    return _three_digits(value) + (f" ({' to '.join(ends)})" if len(set(ends)) == 2 else "")
-
-
-def _three_digits(value: float) -> str:
-    """Three significant digits; from a hundred on, those before the decimal point."""
-    return f"{value:.3g}" if value < 100 else f"{value:.0f}"
+    ends = [f"{end:.{digits}f}" for end in (lower, upper) if np.isfinite(end)]
+    return f"{value:.{digits}f}" + (f" ({' to '.join(ends)})" if len(set(ends)) == 2 else "")
 
 
 def with_ends(value: float, low: float, high: float, form: str = ".0f") -> str:
@@ -109,6 +110,27 @@ def shares_with_ends(rows: pd.DataFrame, what: str, form: str = ".0f") -> pd.Ser
     )
 
 
+def facts_in_words(facts: Mapping) -> dict[str, str]:
+    """Numbers by names as of a file, "largest_gap_ms", in words: "largest gap (ms)", and as texts."""
+    units = {"px": "px", "s": "s", "ms": "ms", "hz": "Hz", "mm": "mm", "deg": "°", "percent": "%"}
+    words = {}
+    for name, value in facts.items():
+        *first, last = name.split("_")
+        unit = f" ({units[last]})" if last in units and not first[-1].isdigit() else f" {last}"
+        words[(" ".join(first) + unit).strip()] = _fact(value)
+    return words
+
+
+def _fact(value) -> str:
+    if isinstance(value, bool | np.bool):
+        return "yes" if value else "no"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " to ".join(map(_fact, value))
+    if isinstance(value, float | np.floating):
+        return f"{value:,.0f}" if value >= 1000 else f"{value:.2f}"
+    return f"{value:,}" if isinstance(value, int | np.integer) else str(value)
+
+
 def small_intervals(table: pd.DataFrame):
     """A styled table of texts; what a text has in brackets stands in small print under it."""
     return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))
@@ -117,6 +139,14 @@ def small_intervals(table: pd.DataFrame):
 def sentence_table(table: pd.DataFrame):
     """A styled table without index, whose cells may take several lines."""
     return table.style.hide().set_table_attributes('class="sentences"')
+
+
+def claim_table(claims: pd.DataFrame, told, columns: Mapping[str, pd.Series]):
+    """A `sentence_table` of claims of the paper: behind each, in small print, what it is about, then what
+    else is ``told`` of it, and short ``columns``."""
+    words = claims.claim + " <small>(" + claims.part + ")</small>" + told
+    table = sentence_table(pd.DataFrame({"the paper's words": words, **columns}))
+    return table.set_table_attributes('class="sentences claims"')
 
 
 def to_html(styled) -> str:

@@ -72,7 +72,7 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
     """Draw the ladder of a domain gap as a waterfall: a pair of bars a rung, frames over events.
 
     A bar's pale end is what the change of that rung, or of those since the one drawn above it, takes away.
-    Faint marks across the first row's normals are other ``readings`` of the formula, by default
+    Marks across the first row's normals are other ``readings`` of the formula, by default
     `readings_deg`.  Of the ladder, ``only`` these rungs, by their titles, and ``panels`` are drawn.
     """
     readings = readings_deg() if readings is None else readings
@@ -94,8 +94,8 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
         ax.set(xlabel=title, xlim=(0, 1.2 * np.nanmax(values.to_numpy())))
         ax.grid(axis="y", visible=False)
     for name, deg in readings.items():
-        axes[0].plot([deg, deg], [-0.45, 0.45], color=COLOUR["paper"], lw=1.2, alpha=0.6)
-        axes[0].annotate(name, (deg, -0.5), rotation=35, fontsize=6, color=COLOUR["paper"])
+        axes[0].plot([deg, deg], [-0.5, 0.45], "v-", color=COLOUR["ink"], ms=4, lw=1.2, markevery=2)
+        axes[0].annotate(name, (deg, -0.5), (0, 5), textcoords="offset points", rotation=60, fontsize=7.5)
     axes[0].set_yticks(at, [title or rung for rung, title in only.items()])
     axes[0].invert_yaxis()
     axes[-1].legend(loc="lower right")

@@ -20,6 +20,8 @@ from lmmap_lab.provenance import DATA, DERIVED_DATA, profile
     ("x = histograms.windows([], 1)", {"lmmap.pipeline.histograms.windows"}),
     ("open_recording(DATA / 'a' / 'b')", {"lmmap.recordings.formats.open_recording", "data/a/b"}),
     ("t = DERIVED_DATA / profile() / 'summary.csv'", {"data/derived"}),
+    ("x = (COMMITTED / 'worst.jpg').read_bytes()", {"data/results/accuracy/worst.jpg"}),
+    ("cv2.imread(str(odometry.FOLDER / 'a.png'))", {"data/results/odometry/a.png"}),
     ("drawings.use_style(); np.zeros(3); print('x')", set()),
     ("def f(x):\n    return project(x, None)", {"lmmap.geometry.projection.project"}),
 ])  # fmt: skip

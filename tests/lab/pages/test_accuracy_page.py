@@ -17,7 +17,7 @@ def test_the_gap_s_table_has_the_paper_and_ours_with_each_set(compared):
     rows = [("position (mm)", who), ("found, ring in view (%)", who), ("wrong, ring in view (%)", of_ours)]
     assert table.index.tolist() == [(title, name) for title, names in rows for name in names]
     assert (table.loc[("position (mm)", "paper, high gap")] == "10").all()
-    assert (table.loc[("found, ring in view (%)", "ours, low gap")] == "1.02 (0.02 to 2.02)").all()
+    assert (table.loc[("found, ring in view (%)", "ours, low gap")] == "1.0 (0.0 to 2.0)").all()
 
 
 def test_the_default_networks_table_has_the_lights_and_no_image_without_a_port():
@@ -49,7 +49,7 @@ def test_claims_lose_no_column():
         "This rejects the HDR difference hypothesis",
         "Numbers: position, median",
         "Holds if: a <code>rule</code>",
-        "cause",
+        "(cause)",
         "1 and 2",
         "partly<br><small>3; 4",
         "<b>holds</b><br><small>5; 6",
@@ -63,6 +63,7 @@ def test_verdicts_stand_by_estimator_and_the_one_that_decides_is_bold():
     table = accuracy_page.verdict_table(
         pd.DataFrame([row("not_hdr", "1 | 2", cells, "rule", decides="ours")])
     ).data
+    assert table["the paper's words"][0].endswith(" <small>(cause)</small>")
     assert table[["as printed", "printed formula", "ours"]].iloc[0].tolist() == ["", "partly", "<b>holds</b>"]
 
 

@@ -57,6 +57,8 @@ def test_seen_rings_and_right_poses_are_counted_by_cell():
     assert table.loc[("events", "high light"), "right of seen (%)"] == 100
     below = seen[seen.right < 0.9 * seen.seen]
     assert failures_page.cells_in_words(below) == "frames in high light"
+    three = pd.DataFrame({"modality": ["rgb", "event", "event"], "light": ["low", "low", "high"]})
+    assert failures_page.cells_in_words(three) == "frames in low light, events in low and high light"
 
 
 def test_each_limit_is_a_dot_and_only_some_have_labels():

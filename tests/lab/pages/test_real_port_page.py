@@ -67,4 +67,4 @@ def test_a_cad_as_the_port_s_draws_its_markers_where_they_are():
     right = real_port_page.judge_cad(recording, [exact], port, port)
     assert right["markers drawn off (px)"] < 1e-6 and right["position off (mm)"] < 1e-6
     wrong = real_port_page.judge_cad(recording, [exact], replace(port, plate_height_m=0.046), port)
-    assert wrong["markers drawn off (px)"] > 0.5 and wrong["probability of being right"] == 0.5
+    assert wrong["markers drawn off (px)"] > 0.5 and wrong["confidence"] == 0.5
