@@ -23,6 +23,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -75,7 +76,7 @@ def opened(place: str):
     return open_stream(path)
 
 
-def judged(stream, estimator: Estimator, from_s: float | None, most: int) -> pd.DataFrame:
+def judged(stream, estimator: Estimator, *, from_s: float | None, most: int) -> pd.DataFrame:
     """Errors of at most so many images, spread over a recording from a time on (default: its second half)."""
     shots = timed_images(stream, estimator.modality, estimator.settings)
     times_us = np.array([shot.t_us for shot in shots], np.int64)
@@ -94,8 +95,11 @@ def counts(table: pd.DataFrame) -> dict:
     return {"images": len(table), "right": int(table.right.sum()), "wrong": int(table.wrong.sum())}
 
 
-def before_and_after(a, place: str, seconds: float, steps: int, weights: str) -> tuple[list, list]:
-    """Rows of both tables, of each camera of a place, and of each recording that judges its networks."""
+def before_and_after(
+    a, known: dict, place: str, seconds: float, steps: int, weights: str
+) -> tuple[list, list]:
+    """Rows of both tables, of each camera of a place, and of each recording that judges its networks.
+    ``known`` keeps what was judged of networks from before."""
     learn, *others = place.split("=")
     taught = opened(learn)
     asked = {learn: (taught, a.start), **{name: (opened(name), 0.0) for name in others}}
@@ -110,9 +114,13 @@ def before_and_after(a, place: str, seconds: float, steps: int, weights: str) ->
         for key in keys_of(a, place, seconds, steps, weights):
             (stream, start_s), m = asked[key[1]], key[3]
             key, outcome = dict(zip(KEY, key, strict=True)), outcomes[m]
-            tables = {when: judged(stream, estimator_of(stream.camera, None, m, w), start_s, a.images)
-                      for when, w in (("before", weights), ("after", folder))
-                      if when == "before" or outcome.taken}  # fmt: skip
+            judge = partial(judged, stream, from_s=start_s, most=a.images)
+            first = key["judged_on"], m, weights
+            if first not in known:
+                known[first] = judge(estimator_of(stream.camera, None, m, weights))
+            tables = {"before": known[first]}
+            if outcome.taken:
+                tables["after"] = judge(estimator_of(stream.camera, None, m, folder))
             before, after = tables["before"], tables.get("after", tables["before"])
             row = key | {f"{k}_before": v for k, v in counts(before).items()}
             row |= {f"{k}_after": v for k, v in counts(after).items()}
@@ -164,11 +172,12 @@ def main() -> None:
     a = parser.parse_args()
     done = set(pd.read_csv(a.rows)[KEY].itertuples(index=False, name=None)) if a.rows.exists() else set()
     for place in a.places:
+        known = {}
         span_us = opened(place.partition("=")[0]).source.span_us
         half_s = round(0.5e-6 * (span_us[1] - span_us[0]), 3)
         for case in product([half_s] if a.seconds is None else a.seconds, a.steps, a.weights):
             if not done.issuperset(keys_of(a, place, *case)):
-                rows, images = before_and_after(a, place, *case)
+                rows, images = before_and_after(a, known, place, *case)
                 append(images_beside(a.rows), pd.concat(images))
                 append(a.rows, pd.DataFrame(rows))
     if a.keep:

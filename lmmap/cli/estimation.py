@@ -21,7 +21,7 @@ from ..estimation.estimates import estimate_images
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
-from ..pipeline.second_opinion import BEFORE, weight_files
+from ..pipeline.second_opinion import weight_files
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
@@ -178,8 +178,7 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
     """A table of some estimators' answers, which is known as this command's own by what they depend on."""
     first, weights = next(iter(estimators.values())), {}
     for e in estimators.values():
-        for file in weight_files(a.weights or network_set(a), e.modality):
-            name = f"{BEFORE}/{file.name}" if file.name in weights else file.name
+        for name, file in weight_files(a.weights or network_set(a), e.modality).items():
             weights[name] = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
     made_of = {
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,

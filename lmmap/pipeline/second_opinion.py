@@ -61,17 +61,21 @@ def estimator_of(camera: AnyCamera, port: Port | None, modality: str, weights: W
                  settings: Settings | None = None) -> Estimator:  # fmt: skip
     """A `SecondOpinion` of a folder whose networks of this modality have learned, of other weights an
     `Estimator`."""
-    kind = SecondOpinion if _before(weights, modality) else Estimator
+    kind = SecondOpinion if before(weights, modality) else Estimator
     return kind(camera, port, modality, weights, settings)
 
 
-def weight_files(weights: str | Path, modality: str) -> list[Path]:
-    """The weight files that `estimator_of` reads."""
-    return [*network_paths(weights, modality), *_before(weights, modality)]
+def weight_files(weights: str | Path, modality: str) -> dict[str, Path]:
+    """The weight files that `estimator_of` reads, by their names in their folder."""
+    files = {path.name: path for path in network_paths(weights, modality)}
+    if folder := before(weights, modality):
+        files |= {f"{BEFORE}/{path.name}": path for path in network_paths(folder, modality)}
+    return files
 
 
-def _before(weights: Weights, modality: str) -> list[Path]:
-    """The weight files from before that a folder keeps."""
+def before(weights: Weights, modality: str) -> Path | None:
+    """The folder of the networks from before that those of this modality keep, if they have learned."""
     if not isinstance(weights, str | Path) or weights in DOMAIN_GAPS:
-        return []
-    return [path for path in network_paths(Path(weights) / BEFORE, modality) if path.exists()]
+        return None
+    folder = Path(weights) / BEFORE
+    return folder if any(path.exists() for path in network_paths(folder, modality)) else None

@@ -26,8 +26,8 @@ from lmmap.estimation.images import timed_images
 from lmmap.files import tune_allocator, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
-from lmmap.pipeline.second_opinion import BEFORE
-from lmmap.pipeline.weights import FILTERS, network_paths, save_weights, weight_path
+from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of, weight_files
+from lmmap.pipeline.weights import FILTERS, load_card, network_paths, save_weights, weight_path
 from lmmap.recordings.journal import Journal, recording_mark
 from lmmap.recordings.pose_files import round_trip
 from lmmap.recordings.stream import Stream
@@ -89,7 +89,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         For a recording without images, or a folder that holds networks made of something else.
     """
     folder = Path(folder)
-    estimators = {m: Estimator(recording.camera, port, m, weights) for m in modalities}
+    estimators = {m: estimator_of(recording.camera, port, m, weights) for m in modalities}
     facts = made_of(recording, estimators, weights, seconds, steps, seed)
     if (done := folder / MADE_OF).exists():
         return _outcomes(done, facts)
@@ -109,33 +109,36 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
         outcomes[m], nets = learn(recording, looks[m], track, estimator, old, recipes, unfinished)
         report(f"{m}: {outcomes[m].why}")
-        if outcomes[m].taken:
-            _keep(weights, m, folder / BEFORE)
-        for recipe, net in zip(recipes, nets, strict=True):
-            card = {"recipe": asdict(recipe), "made_of": facts, "adapted": outcomes[m].taken}
-            card |= {"why": outcomes[m].why, **outcomes[m].facts}
-            save_weights(net, folder / weight_path(recipe.filter, m, "low").name, card)
+        write_networks(folder, m, nets, recipes, outcomes[m], facts, weights)
     kept = {"made_of": facts, "outcomes": {m: asdict(o) for m, o in outcomes.items()}}
     write_text(done, json.dumps(kept, indent=1) + "\n")
     shutil.rmtree(unfinished)
     return outcomes
 
 
-def _keep(weights, modality: str, folder: Path) -> None:
-    """Copy a camera's weight files, and their cards, into a folder of networks."""
-    folder.mkdir(exist_ok=True)
-    for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
-        copy = folder / weight_path(name, modality, "low").name
-        shutil.copyfile(path, copy)
-        shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
+def write_networks(folder: Path, modality: str, nets: list[FilterNet], recipes, outcome: Outcome, facts: dict,
+                   weights) -> None:  # fmt: skip
+    """A camera's networks with their cards, and those from before.  Networks that go on learning keep the
+    first ones."""
+    first = before(weights, modality) or (weights if outcome.taken else None)
+    if first is not None:
+        (folder / BEFORE).mkdir(exist_ok=True)
+        for name, path in zip(FILTERS, network_paths(first, modality), strict=True):
+            copy = folder / BEFORE / weight_path(name, modality, "low").name
+            shutil.copyfile(path, copy)
+            shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
+    for recipe, net, path in zip(recipes, nets, network_paths(weights, modality), strict=True):
+        card = {"recipe": asdict(recipe)} if outcome.taken else load_card(path)
+        card |= {"made_of": facts, "adapted": outcome.taken, "why": outcome.why, **outcome.facts}
+        save_weights(net, folder / weight_path(recipe.filter, modality, "low").name, card)
 
 
 def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
     """All that the networks depend on, as JSON has it."""
     first = next(iter(estimators.values()))
     mark = recording_mark(recording.source.path) if isinstance(recording, Stream) else recording.name
-    files = [path for m in estimators for path in network_paths(weights, m)]
-    base = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in files}
+    files = {name: path for m in estimators for name, path in weight_files(weights, m).items()}
+    base = {name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for name, path in files.items()}
     how = {"steps": steps, "seed": seed, "rate": learning.RATE, "learned": learning.LEARNED,
            "labels": self_labels.MOST_LABELS}  # fmt: skip
     facts = {"recording": mark, "seconds": seconds, "base": base, **how,
@@ -203,7 +206,8 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
            for net, part, recipe in zip(old, samples, recipes, strict=True)]  # fmt: skip
     networks = tuple(MaskNetwork(deepcopy(net), modality) for net in new)
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
-    again = self_labels.look_at(recording, learned, {look.t_us for look in own})
+    asked = {look.t_us for look, ask in zip(own, guard.asked, strict=True) if ask}
+    again = self_labels.look_at(recording, learned, asked)
     verdict = guard.judge([look.estimate for look in again])
     facts["guard"] = json.loads(json.dumps(asdict(verdict)))
     if not verdict.taken:

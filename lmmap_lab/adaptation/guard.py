@@ -66,11 +66,18 @@ class Guard:
         By the old networks' estimates of all cameras.
     estimator
         With the old networks.
+
+    Attributes
+    ----------
+    asked
+        Which of the images (N,) the new networks have to look at: those that teach nothing, and those without
+        a pose.
     """
 
     def __init__(self, old: Sequence[Estimate], kept: Sequence[bool], track: SmoothTrack,
                  estimator: Estimator):  # fmt: skip
         self._old, self._kept, self._track, self._estimator = old, kept, track, estimator
+        self.asked = np.array([k or e.T_cam_port is None for e, k in zip(old, kept, strict=True)], bool)
         self._limit = estimator.settings.min_confidence[estimator.modality]
 
     def lacking(self) -> float:
@@ -85,20 +92,22 @@ class Guard:
         return 1 - sum(sure) / len(shown) if shown else 0.0
 
     def judge(self, new: Sequence[Estimate]) -> Verdict:
-        """New networks' estimates of the same images.
+        """New networks' estimates of the images that they are `asked`.
 
         Where the old networks report no pose, those of the new ones must be as sure as a label, and surer
         than any that the track contradicts.  They are taken if that leaves any that it believes, and if,
         among the images that taught nothing, they alone report no fewer believed poses than the old ones.
         """
         joint = self._track.with_more(("new", e) for e in new)
-        old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (self._old, new))
+        old = [e for e, ask in zip(self._old, self.asked, strict=True) if ask]
+        is_kept = np.asarray(self._kept, bool)[self.asked]
+        old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (old, new))
         added = [pair for pair, (first, _) in zip(new, old, strict=True) if first.T_cam_port is None]
         limits = self._estimator.settings.min_confidence
         wrong = [float(np.nextafter(e.confidence, 2.0)) for e, trust in added if trust is False]
         least = max([SURE, limits.rgb, limits.event, *wrong])
         before, after = (
-            _reported([pair for pair, kept in zip(each, self._kept, strict=True) if kept], self._limit)
+            _reported([pair for pair, kept in zip(each, is_kept, strict=True) if kept], self._limit)
             for each in (old, new)
         )
         (more, _), images = _reported(added, least), int(np.sum(self._kept))

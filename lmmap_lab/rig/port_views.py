@@ -26,7 +26,7 @@ REACH_PX, STEP_PX = 6.0, 0.5  # of a profile across an edge
 BORDER_PX = 8.0 + REACH_PX  # around the markers: their plate may stand higher than the start has it
 LEAST_PEAK = 0.5  # of a mask along a profile, for an edge to be seen
 VIEW_NORMAL, VIEW_LOG_DISTANCE = 0.2, 0.25  # views that differ by as much are different
-ALIKE = 2.0  # times a standard deviation, for errors that all masks share; tuning/measure_ports.py
+ALIKE = 3.5  # times a standard deviation, for errors that all masks share; tuning/measure_ports.py
 UNDETERMINED = 0.05  # standard deviation, in units of a dimension
 MORE_VIEWS = {"plate's height": "tilted views, up to 45 deg to all sides",
               "focal length": "tilted views, near and far"}  # fmt: skip

@@ -12,7 +12,7 @@ from strategies import PORT, line
 from lmmap.estimation.estimates import estimate
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.second_opinion import SecondOpinion, estimator_of
+from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of
 from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Recording
@@ -97,6 +97,18 @@ def test_the_same_call_again_does_nothing_and_another_is_refused(learned, monkey
     monkeypatch.setattr(self_labels, "look_at", None)
     assert adapt(places.recording(), folder) == outcome
     assert "made of something else" in line(lambda: adapt(places.recording(), folder, seed=1))
+
+
+def test_networks_that_go_on_learning_keep_the_first_ones(learned, tmp_path):
+    adapt(places.recording(port=False), tmp_path / "none", weights=learned[0])
+    adapt(places.recording(), tmp_path / "more", weights=learned[0])
+    for folder in (tmp_path / "none", tmp_path / "more"):
+        assert same_networks(folder / BEFORE)
+        both = estimator_of(places.CAMERA, PORT, "rgb", folder)
+        assert both.learned.settings.min_confidence.rgb >= self_labels.SURE
+    assert (tmp_path / "none" / NAMES[0]).read_bytes() == (learned[0] / NAMES[0]).read_bytes()
+    before, after = (right_and_wrong(places.recording(), w) for w in (learned[0], tmp_path / "more"))
+    assert after[0] >= before[0] and after[1] <= before[1]
 
 
 def test_an_interrupted_run_ends_as_an_unbroken_one(learned, tmp_path, monkeypatch):

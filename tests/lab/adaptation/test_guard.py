@@ -32,33 +32,38 @@ def guard_of(seen) -> Guard:
     return Guard(seen, IS_KEPT, track, ESTIMATOR)
 
 
+def judged(guard: Guard, new):
+    """By a guard that is shown the new estimates which it asks for."""
+    return guard.judge([e for e, ask in zip(new, guard.asked, strict=True) if ask])
+
+
 EVERY_OTHER = guard_of(estimates(set(range(0, COUNT, 2))))
 
 
 def test_networks_that_find_more_are_taken_and_must_be_as_sure_as_a_label():
-    verdict = EVERY_OTHER.judge(estimates(set(KEPT)))
+    verdict = judged(EVERY_OTHER, estimates(set(KEPT)))
     assert (verdict.taken, verdict.min_confidence, verdict.more) == (True, SURE, 5)
     assert (verdict.before, verdict.after, verdict.images) == ((5, 0), (10, 0), 10)
     assert "believes 5 poses" in str(verdict) and "alone 10 and 0; 5 images" in str(verdict)
-    assert not EVERY_OTHER.judge(estimates(set(KEPT), confidence=SURE - 0.01)).taken
+    assert not judged(EVERY_OTHER, estimates(set(KEPT), confidence=SURE - 0.01)).taken
 
 
 def test_networks_that_find_no_more_or_explain_less_where_they_were_not_taught_are_not():
     taught = set(range(COUNT)) - set(KEPT)
     for found in (set(), set(KEPT[::2]), set(range(0, COUNT, 2)), taught | set(KEPT[:4])):
-        assert not EVERY_OTHER.judge(estimates(found)).taken
-    assert EVERY_OTHER.judge(estimates(taught | set(KEPT[:5]))).taken
+        assert not judged(EVERY_OTHER, estimates(found)).taken
+    assert judged(EVERY_OTHER, estimates(taught | set(KEPT[:5]))).taken
 
 
 @pytest.mark.parametrize("k, silent", [(13, True), (31, True), (14, False), (30, False)])
 def test_the_limit_rises_above_poses_that_the_track_contradicts_where_the_old_networks_have_none(k, silent):
     new = estimates(set(range(COUNT)), wrong={k}, confidence=0.99)
     new[k] = replace(new[k], confidence=0.95)
-    verdict = EVERY_OTHER.judge(new)
+    verdict = judged(EVERY_OTHER, new)
     assert verdict.taken and verdict.after == (10 - (k in KEPT), int(k in KEPT))
     assert 0.95 < verdict.min_confidence < 0.951 if silent else verdict.min_confidence == SURE
     new[k] = replace(new[k], confidence=0.995)
-    assert EVERY_OTHER.judge(new).taken != silent  # surer than every right one
+    assert judged(EVERY_OTHER, new).taken != silent  # surer than every right one
 
 
 @given(
@@ -67,11 +72,15 @@ def test_the_limit_rises_above_poses_that_the_track_contradicts_where_the_old_ne
 def test_what_new_networks_add_is_never_wrong_where_the_track_knows(images):
     found, wrong = ({k for k, image in enumerate(images) if image[part]} for part in (0, 1))
     new = [replace(e, confidence=p) for e, (_, _, p) in zip(estimates(found, wrong), images, strict=True)]
-    verdict = EVERY_OTHER.judge(new)
+    verdict = judged(EVERY_OTHER, new)
     assert verdict.min_confidence >= SURE
     asked = {k for k in found if k % 2 and new[k].confidence >= verdict.min_confidence}
     assert not asked & wrong & set(range(1, COUNT - 1))
     assert verdict.taken == (verdict.after[0] >= 5 and verdict.more > 0) and verdict.more <= len(asked)
+
+
+def test_new_networks_look_only_where_they_may_add_or_are_guarded():
+    assert list(np.flatnonzero(~EVERY_OTHER.asked)) == [k for k in range(0, COUNT, 2) if k not in KEPT]
 
 
 @pytest.mark.parametrize("away", [0.0, 2.0])

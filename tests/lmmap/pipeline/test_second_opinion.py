@@ -96,7 +96,9 @@ def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(fold
     assert type(estimator_of(CAMERA, PORT, "rgb", folder)) is SecondOpinion
     assert type(estimator_of(CAMERA, PORT, "event", folder)) is Estimator
     assert type(estimator_of(CAMERA, PORT, "rgb", tuple(networks(*MASKS).values()))) is Estimator
-    assert [p.parent.name for p in weight_files(folder, "rgb")] == [folder.name] * 2 + [BEFORE] * 2
+    files = weight_files(folder, "rgb")
+    assert len(files) == 4 and all(path == folder / name for name, path in files.items())
+    assert [path.parent.name for path in files.values()] == [folder.name] * 2 + [BEFORE] * 2
     assert len(weight_files(folder, "event")) == 2
     (folder / BEFORE).rename(folder / "low")
     monkeypatch.chdir(folder)  # a set of networks is meant, whatever lies here
