@@ -71,6 +71,27 @@ def carried_table(images: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def draw_gap(images: pd.DataFrame):
+    """Right poses of the high-gap networks over the seconds from which they learned, and of the low-gap
+    networks, which had labels, as dashed lines: a panel a light."""
+    table = places.by_seconds(images)
+    lights = [light for light in LIGHTS if light in set(table.light)]
+    fig, axes = plt.subplots(1, len(lights), figsize=(7.6, 2.8), sharey=True, squeeze=False)
+    for ax, light in zip(axes[0], lights, strict=True):
+        for modality in ("rgb", "event"):
+            cell = table[(table.light == light) & (table.modality == modality)].set_index("seconds")
+            learned, labelled = (cell[cell.weights == gap].right_percent for gap in ("high", "low"))
+            ax.plot(learned.index, learned, "o-", ms=4, color=COLOUR[modality])
+            ax.axhline(labelled.iloc[0], ls="--", lw=1, color=COLOUR[modality])
+        ax.set(title=WORDS[light], xlabel="learned from (s)", ylim=(0, 102))
+    axes[0, 0].set(ylabel="right poses (%)")
+    handles = [plt.Line2D([], [], marker="o", color=COLOUR[m], label=name)
+               for name, m in (("frames", "rgb"), ("events", "event"))]  # fmt: skip
+    handles.append(plt.Line2D([], [], ls="--", color=COLOUR["ink"], label="low-gap networks, with labels"))
+    fig.legend(handles=handles, ncols=3, loc="outside lower center", fontsize=8)
+    return fig
+
+
 def label_kinds(poses_own: np.ndarray, poses_track: np.ndarray) -> pd.Series:
     """How many images are taught by their own pose, by the track, or not at all; of flags (N,)."""
     own, track = np.asarray(poses_own, bool), np.asarray(poses_track, bool)

@@ -63,6 +63,16 @@ def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataF
     return pd.DataFrame(rows)
 
 
+def by_seconds(images: pd.DataFrame) -> pd.DataFrame:
+    """Percent of right and wrong poses by light, camera, networks and the seconds that they learned from."""
+    parts = []
+    for (weights, seconds), learned in images.groupby(["weights", "seconds"]):
+        groups = with_both(learned).query("when == 'after'").groupby(["light", "modality"])
+        shares = groups[list(COUNTED)].mean().mul(100).add_suffix("_percent")
+        parts.append(shares.assign(images=groups.size(), weights=weights, seconds=seconds))
+    return pd.concat(parts).reset_index()
+
+
 def own(images: pd.DataFrame) -> pd.DataFrame:
     """Images of the recordings that taught."""
     return images[images.learned_on == images.judged_on]

@@ -1,5 +1,6 @@
 """What the chapter on adaptation shows, by hand."""
 
+import pandas as pd
 from lab.studies.test_places import elsewhere, images
 
 from lmmap_lab.pages import adapt_page
@@ -28,3 +29,12 @@ def test_what_is_carried_over_has_a_row_for_each_pair_of_lights():
 def test_an_image_that_both_teach_counts_for_its_own_pose():
     kinds = adapt_page.label_kinds([True, True, False, False], [True, False, True, False])
     assert kinds.tolist() == [2, 1, 1]
+
+
+def test_networks_that_had_labels_are_a_line_beside_those_that_learned():
+    kinds = [("high", 0.0), ("high", 20.0), ("low", 0.0)]
+    seen = pd.concat([images().assign(weights=w, seconds=s) for w, s in kinds])
+    both = pd.concat([seen, seen.assign(modality="rgb")])
+    (ax,) = adapt_page.draw_gap(both).axes
+    assert [line.get_linestyle() for line in ax.lines] == ["-", "--"] * 2
+    assert ax.lines[0].get_xdata().tolist() == [0, 20]

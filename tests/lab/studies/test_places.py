@@ -73,3 +73,13 @@ def test_a_confidence_is_judged_by_the_poses_that_are_reported():
     before, after = (places.reported(seen, when)["event"] for when in places.WHEN)
     assert before.poses.tolist() == [6, 1] and before.right.tolist() == [1, 0]
     assert after.poses.tolist() == [7] and after.right.tolist() == [1]
+
+
+def test_what_was_learned_from_more_seconds_is_apart():
+    first = images()[:8]
+    table = places.by_seconds(pd.concat([
+        images().assign(weights="high", seconds=20.0), first[:4].assign(weights="high", seconds=0.0),
+        first[:4].assign(weights="low", seconds=0.0)]))  # fmt: skip
+    right = table.set_index(["weights", "seconds"]).right_percent
+    assert right.to_dict() == {("high", 0): 50, ("high", 20): 87.5, ("low", 0): 50}
+    assert table.images.tolist() == [4, 8, 4]
