@@ -13,7 +13,7 @@ from ..studies.between_images import METHODS, Followed
 from .drawings import COLOUR
 from .sliders import Step
 
-COLOURS = dict(zip(METHODS, ("paper", "rival", "event"), strict=True))
+COLOURS = dict(zip(METHODS, ("paper", "ours", "event"), strict=True))
 SHOWN_US = 8000  # of events, under an outline
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from lmmap.settings import MODALITIES
+
 from ..bench import laboratory, varied
 from .bootstrap import interval
 from .reliability import reliability
@@ -102,4 +104,5 @@ def most_lost(images: pd.DataFrame) -> float:
 def reported(images: pd.DataFrame, when: str) -> dict[str, pd.DataFrame]:
     """`reliability.reliability` of the poses that each camera reports before or after, by its modality."""
     told = with_both(images).query("when == @when and status == 'ok'")
-    return {m: reliability(own.confidence, own.right) for m, own in told.groupby("modality", sort=False)}
+    of = dict(list(told.groupby("modality")))
+    return {m: reliability(of[m].confidence, of[m].right) for m in MODALITIES if m in of}
