@@ -36,7 +36,6 @@ RESULT_SOURCES = (
              "lmmap_lab.studies.ladder"),
     "data/weights/*", "environment.txt",
 )  # fmt: skip
-TRAJECTORIES = {"quick": 1, "paper": 3}  # test trajectories, each under every light
 WEIGHTS = {  # sets of networks by kind of sequence: the paper's two, and ours where poses may not be wrong
     "test": (*DOMAIN_GAPS, OURS.weights, "light"), "hard": ("low",),
     "empty": ("low", OURS.weights, "light"),
@@ -78,9 +77,7 @@ class Study:
 
 def sequences_of(profile: str) -> list[str]:
     """The names of a profile's sequences."""
-    tests = [
-        f"test-{light}" + (f"-{k}" if k else "") for k in range(TRAJECTORIES[profile]) for light in LIGHTS
-    ]
+    tests = (f"test-{light}" for light in LIGHTS)
     return [*tests, "hard-slow", "hard-reflect", *(f"empty-{k}" for k in range(EMPTY[profile]))]
 
 
