@@ -13,7 +13,7 @@ from lmmap.types import InputError, Port
 
 from ..rig import port_views
 from ..rig.port_calibration import PortFit
-from ..rig.port_outline import DIMENSIONS, dimensions_m
+from ..rig.port_outline import DIMENSIONS, dimensions_m, windows_share
 
 PORT_FILE = "port.json"
 
@@ -83,4 +83,6 @@ def describe(fit: PortFit, views: port_views.Views, standard: Port, focal_px: fl
         f"plate's circumradius follows the markers to {1e3 * fit.port.plate_circumradius_m:.1f} mm; all else "
         "is the standard port's"
     )
+    if (share := windows_share(fit.port, standard)) < 0.999:
+        lines.append(f"its windows would overlap the markers, so they are drawn at {share:.0%} of their size")
     return "\n  ".join(lines)

@@ -55,6 +55,13 @@ def with_dimensions(port: Port, values_m) -> Port:
                 raise
 
 
+def windows_share(port: Port, start: Port) -> float:
+    """How large the windows of `with_dimensions` are, of what the plate's growth from the start would make
+    them."""
+    grown_m = start.window_size_m[0] * port.plate_circumradius_m / start.plate_circumradius_m
+    return port.window_size_m[0] / grown_m if grown_m else 1.0
+
+
 @lru_cache(maxsize=16)
 def outline(port: Port) -> Outline:
     """The ring's outer and inner edge, then the markers' sides without their corners."""

@@ -21,7 +21,14 @@ from lmmap_lab.bench.writers import WRITERS
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import port_calibration, port_views
 from lmmap_lab.rig.port_calibration import adjust
-from lmmap_lab.rig.port_outline import OF_RING, RING_POINTS, dimensions_m, outline, with_dimensions
+from lmmap_lab.rig.port_outline import (
+    OF_RING,
+    RING_POINTS,
+    dimensions_m,
+    outline,
+    windows_share,
+    with_dimensions,
+)
 
 
 def batch(poses) -> Pose:
@@ -81,6 +88,7 @@ def test_windows_grow_with_the_plate_and_give_way_to_the_markers(port, factors, 
     assert np.allclose(dimensions_m(other), factors * dimensions_m(port))
     grown = growth * np.array([port.window_radius_m, *port.window_size_m])
     assert np.allclose([other.window_radius_m, *other.window_size_m], grown * [1, share, share])
+    assert windows_share(other, port) == pytest.approx(share)
 
 
 def test_dimensions_that_no_port_has_are_an_error(port):
