@@ -102,9 +102,10 @@ def seen_table(seen: pd.DataFrame) -> pd.DataFrame:
 
 
 def cells_in_words(cells: pd.DataFrame) -> str:
-    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in low and high light."""
-    lights = {CAMERAS[m]: " and ".join(rows.light) for m, rows in cells.groupby("modality", sort=False)}
-    return ", ".join(f"{camera} in {words} light" for camera, words in lights.items())
+    """Rows of ``modality`` and ``light`` as a list: frames in high light, events in every light."""
+    lights = {CAMERAS[m]: list(rows.light) for m, rows in cells.groupby("modality", sort=False)}
+    words = {m: "every" if set(LIGHTS) <= set(own) else " and ".join(own) for m, own in lights.items()}
+    return ", ".join(f"{camera} in {own} light" for camera, own in words.items())
 
 
 def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):

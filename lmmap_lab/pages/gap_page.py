@@ -15,7 +15,7 @@ from .drawings import COLOUR, draw_intervals, plain_log
 from .tables import CAMERAS, with_ends
 
 MEASURES = {  # of `domain_gap`: title, scale
-    "mask_overlap": ("overlap of the masks (IoU)", 1), "ring_right": ("right rings (%)", 100),
+    "mask_overlap": ("overlap of the masks", 1), "ring_right": ("right rings (%)", 100),
     "pose_right": ("right poses (%)", 100),
 }  # fmt: skip
 SHIFTS = {"rgb": -0.15, "event": 0.15}  # of a camera's marks, beside a light

@@ -45,7 +45,7 @@ def training(domain_gap: str) -> pd.DataFrame:
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
                 "rate": card["recipe"]["rate"],
                 "begun from": card["recipe"]["start_from"] or "chance",
-                "validation IoU": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
+                "validation overlap": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
             })  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -137,7 +137,7 @@ def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]
     for modality, rows in quality.groupby("modality", sort=False):
         worst = rows.loc[rows.iou.idxmin()]
         image = next(image for t_us, image in images(recording, modality) if t_us == worst.t_us)
-        title = f"{CAMERAS[modality]}, IoU {worst.iou:.2f}"
+        title = f"{CAMERAS[modality]}, overlap {worst.iou:.2f}"
         pictures.append((title, modality, image, recording.truth.at(np.array([worst.t_us], np.int64))[0]))
     return pictures
 

@@ -17,7 +17,7 @@ from .drawings import COLOUR, show_image
 from .sliders import Step
 from .tables import CAMERAS
 
-FITS = {"iou": "IoU", "skeleton_px": "skeleton (px)"}
+FITS = {"iou": "overlap", "skeleton_px": "skeleton (px)"}
 
 
 def draw_architecture(ax, net, size_px) -> None:

@@ -31,7 +31,7 @@ def table(widths: pd.DataFrame) -> pd.DataFrame:
                ("cost", "ms"): frames.ms.map("{:.0f}".format)}  # fmt: skip
     for modality in ("rgb", "event"):
         own = rows.xs(modality, level="modality")
-        columns |= {(CAMERAS[modality], f"{part} IoU"): own[f"{name}_iou_high"].map("{:.2f}".format)
+        columns |= {(CAMERAS[modality], f"{part} overlap"): own[f"{name}_iou_high"].map("{:.2f}".format)
                     for name, part in (("ring", "ring"), ("reflector", "marker"))}  # fmt: skip
         columns |= {(CAMERAS[modality], f"{what} (%)"): shares_with_ends(own, what)
                     for what in ("right", "wrong")}  # fmt: skip
@@ -63,6 +63,6 @@ def draw(widths: pd.DataFrame):
         column[1].set_xticks([0.2, 0.5, 1, 2, 5, 10], ["0.2", "0.5", "1", "2", "5", "10"])
         column[1].minorticks_off()
     axes[0, 0].set_ylabel("right poses (%)")
-    axes[1, 0].set_ylabel("ring, mean IoU")
+    axes[1, 0].set_ylabel("ring, mean overlap")
     axes[1, 0].legend(fontsize=8, loc="lower right")
     return fig

@@ -59,6 +59,8 @@ def test_seen_rings_and_right_poses_are_counted_by_cell():
     assert failures_page.cells_in_words(below) == "frames in high light"
     three = pd.DataFrame({"modality": ["rgb", "event", "event"], "light": ["low", "low", "high"]})
     assert failures_page.cells_in_words(three) == "frames in low light, events in low and high light"
+    four = pd.DataFrame({"modality": ["rgb"] * 3 + ["event"], "light": ["low", "medium", "high", "high"]})
+    assert failures_page.cells_in_words(four) == "frames in every light, events in high light"
 
 
 def test_each_limit_is_a_dot_and_only_some_have_labels():

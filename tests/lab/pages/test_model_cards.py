@@ -21,7 +21,7 @@ def test_each_network_is_named_by_the_hash_of_its_file(domain_gap):
     table = model_cards.training(domain_gap)
     paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in ("rgb", "event")]
     assert table.sha256.tolist() == [hashlib.sha256(p.read_bytes()).hexdigest()[:12] for p in paths]
-    assert table["validation IoU"].between(0, 1).all()
+    assert table["validation overlap"].between(0, 1).all()
 
 
 @pytest.mark.parametrize("domain_gap", ["low", "robust", "light"])
@@ -59,7 +59,7 @@ def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
     for title, modality, image, T_cam_port in pictures:
         mask = binarise(load_network(weight_path("ring", modality, "low"), modality)(image))
         overlap = iou(mask, label_masks(T_cam_port, port, recording.camera)[0])
-        assert title.endswith(f"IoU {overlap:.2f}")
+        assert title.endswith(f"overlap {overlap:.2f}")
 
 
 @pytest.mark.parametrize("domain_gap", ["low", "robust", "light"])

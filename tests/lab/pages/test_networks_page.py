@@ -18,7 +18,7 @@ def test_networks_stand_by_light_each_with_its_own_numbers():
     assert wide.shape == (4, 4)
     words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
     for light, f, m, gap, iou, skeleton_px in rows:
-        assert wide.loc[(gap, words[f], words[m]), ("IoU", light)] == iou
+        assert wide.loc[(gap, words[f], words[m]), ("overlap", light)] == iou
         assert wide.loc[(gap, words[f], words[m]), ("skeleton (px)", light)] == skeleton_px
 
 
