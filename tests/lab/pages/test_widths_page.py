@@ -19,7 +19,9 @@ def test_every_set_has_a_row_with_the_numbers_of_both_cameras(widths):
     row = table.loc["half", "the same, second seed"]
     for modality, camera in (("rgb", "frames"), ("event", "events")):
         assert row[camera, "right (%)"].startswith(f"{half.right_percent[modality]:.0f} (")
-        assert float(row[camera, "marker overlap"]) == pytest.approx(half.reflector_iou_high[modality], abs=0.005)
+        assert float(row[camera, "marker overlap"]) == pytest.approx(
+            half.reflector_iou_high[modality], abs=0.005
+        )
     assert float(row["cost", "GFLOP"]) == pytest.approx(2 * half.gmacs["rgb"], abs=0.005)
 
 
