@@ -13,7 +13,7 @@ from lmmap_lab.pages import intro_page
 from lmmap_lab.provenance import DATA, ROOT, load_table
 from lmmap_lab.studies import domain_gap, formula, sensitivity
 from lmmap_lab.studies.accuracy_run import COMMITTED
-from lmmap_lab.studies.table1 import compare
+from lmmap_lab.studies.table1 import LIGHTS, compare
 
 PAGES = {path.name: path.read_text() for path in sorted((ROOT / "book").glob("*.md"))}
 README = " ".join((ROOT / "README.md").read_text().split())
@@ -73,6 +73,16 @@ def test_the_printed_formula_is_worse_in_as_many_cells_as_readme_says():
         "metric == 'normal_error_deg' and statistic == 'median' and outlier_filter == 'with'"
     )
     assert f"in {(cells.printed > cells.table1).sum()} of {len(cells)} cells" in README
+
+
+def test_readme_has_the_rates_of_the_full_test():
+    rates = load_table(COMMITTED / "default.csv").query("light != 'no port'")
+    right, wrong = (rates.pivot(index="modality", columns="light", values=f"{what}_percent")[list(LIGHTS)]
+                    for what in ("right", "wrong"))  # fmt: skip
+    frames, events, both = (", ".join(f"{v:.0f}" for v in right.loc[m]) for m in ("rgb", "event", "fused"))
+    assert f"in {frames} % of the frames, in {events} % of the histograms and, fused, in {both} % of" in README
+    frames, events, both = (f"{wrong.loc[m].max():.1f} %" for m in ("rgb", "event", "fused"))
+    assert f"at most {frames} of the frames, {events} of the histograms and {both} of the times" in README
 
 
 def test_readme_says_of_the_gap_what_the_study_says():
