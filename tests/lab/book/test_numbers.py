@@ -80,7 +80,9 @@ def test_readme_has_the_rates_of_the_full_test():
     right, wrong = (rates.pivot(index="modality", columns="light", values=f"{what}_percent")[list(LIGHTS)]
                     for what in ("right", "wrong"))  # fmt: skip
     frames, events, both = (", ".join(f"{v:.0f}" for v in right.loc[m]) for m in ("rgb", "event", "fused"))
-    assert f"in {frames} % of the frames, in {events} % of the histograms and, fused, in {both} % of" in README
+    assert (
+        f"in {frames} % of the frames, in {events} % of the histograms and, fused, in {both} % of" in README
+    )
     frames, events, both = (f"{wrong.loc[m].max():.1f} %" for m in ("rgb", "event", "fused"))
     assert f"at most {frames} of the frames, {events} of the histograms and {both} of the times" in README
 

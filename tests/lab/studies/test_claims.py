@@ -12,6 +12,7 @@ from lmmap_lab.studies.claims_of_cameras import claims_of_cameras
 from lmmap_lab.studies.claims_of_method import roots_apart_rad
 from lmmap_lab.studies.sensitivity import tilted_pose
 from lmmap_lab.studies.verdicts import (
+    ASKED,
     COLUMNS,
     ESTIMATORS,
     FAILS,
@@ -79,7 +80,7 @@ def test_with_the_papers_numbers_its_claims_hold():
 
 def test_what_is_no_sentence_of_the_paper_is_no_claim_and_causes_stand_apart():
     claims_of_paper = paper_claims()
-    assert set(claims_of_paper.part) == {"observed", "cause", "of the method", "future work"}
+    assert set(claims_of_paper.part) == {"observed", "cause", "of the method", "future work", "our question"}
     assert not claims_of_paper.claim.str.contains("35,000|real sensors").any()
     pairs = {
         "events_win": "not_hdr",
@@ -93,6 +94,15 @@ def test_what_is_no_sentence_of_the_paper_is_no_claim_and_causes_stand_apart():
 def test_a_proposal_of_the_paper_is_no_claim_and_has_no_verdict():
     assert paper_claims().part[lambda part: part == "future work"].index.tolist() == ["spikes"]
     assert of(judged(made()), "spikes") == TRIED
+
+
+def test_a_question_of_ours_is_no_claim_and_has_no_verdict():
+    assert paper_claims().part[lambda part: part == "our question"].index.tolist() == ["gap_without_labels"]
+    verdicts = judged(made())
+    assert (
+        of(verdicts, "gap_without_labels") == ASKED
+        and of(verdicts, "gap_without_labels", "paper") == "not asked"
+    )
 
 
 def test_where_events_do_not_win_there_is_nothing_to_explain():
