@@ -169,5 +169,5 @@ def _without_labels():
         "gap_without_labels",
         "not asked",
         {"ours": (text, ASKED)},
-        "no sentence of the paper, and so no verdict; judged on the last part of the test, which taught nothing",
+        "no sentence of the paper, and so no verdict; the last part of the test judges, and taught nothing",
     )
