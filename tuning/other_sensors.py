@@ -37,7 +37,7 @@ from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 from lmmap_lab.studies.networks import set_hashes
 
-SEQUENCES = [f"realistic-{n}" for n in range(2101, 2146)]  # fifteen of each light
+SEQUENCES = [f"realistic-{n}" for n in range(2101, 2125)]  # eight of each light
 SECONDS, FRAME_HZ, EACH = 0.5, 10, 10  # length, frames a second, and most images of each camera from it
 FOLDER = DERIVED_DATA / "sensors"
 PORT = Port.lm_map()
