@@ -136,13 +136,15 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
 
 def gain_percent(ours: pd.DataFrame, theirs: pd.DataFrame) -> tuple[float, float, float]:
     """By how many points more of their images are right than of ours, and its 95 % interval: a bootstrap of
-    the sequences, since images of one sequence are alike."""
+    the sequences, since images of one sequence are alike.  Of fewer than two sequences it is NaN."""
     counts = [t.groupby("sequence").right.agg(["sum", "count"]) for t in (ours, theirs)]
     both = pd.concat(counts, axis=1, join="inner").to_numpy(float).T
 
     def gain(right, images, their_right, their_images, axis=-1):
         return 100 * (their_right.sum(axis) / their_images.sum(axis) - right.sum(axis) / images.sum(axis))
 
+    if both.shape[1] < 2:
+        return np.nan, np.nan, np.nan
     interval = bootstrap(both, gain, paired=True, method="percentile", rng=np.random.default_rng(0))
     return float(gain(*both)), *interval.confidence_interval
 
