@@ -109,3 +109,15 @@ def test_results_that_are_not_made_yet_are_one_line_with_the_command(tmp_path, m
     (tmp_path / "quick").mkdir()
     (tmp_path / "quick" / "summary.csv").touch()
     assert results.made_results() == tmp_path / "quick"
+
+
+def test_every_result_is_of_the_present_port():
+    """But for those that no port of ours takes part in."""
+    of_no_port = {"attacks", "formats", "port", "port-outlines", "evo-scenes"}
+    present = results.port_mark()
+    kept = (results.DATA / "results").rglob("*.json")
+    documents = {path: json.loads(path.read_text()) for path in sorted(kept)}
+    facts = {path: made if path.name.endswith(".provenance.json") else made.get("provenance")
+             for path, made in documents.items()}  # fmt: skip
+    told = {path: made for path, made in facts.items() if made and path.name.split(".")[0] not in of_no_port}
+    assert len(told) > 50 and [path.name for path, made in told.items() if made.get("port") != present] == []
