@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from itertools import product
 
 import matplotlib.pyplot as plt
@@ -17,7 +16,6 @@ from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording
 
 from ..provenance import DATA
-from ..studies.networks import set_hashes
 from ..training import mask_quality
 from . import networks_page
 from .tables import CAMERAS, LIGHTS, sentence_table, shares_with_ends
@@ -60,14 +58,6 @@ def devices() -> str:
     cards = [load_card(weight_path(f, m, gap)) for f, m, gap in product(FILTERS, CHANNELS, DOMAIN_GAPS)]
     words = {"cuda": "a graphics card", "cpu": "processor cores"}
     return " and ".join(sorted({f"{words[c['device']]} (torch {c['torch'].split('+')[0]})" for c in cards}))
-
-
-def of_networks(table: str) -> str:
-    """In words, whether a table of data/results was made with the present `robust` networks."""
-    facts = json.loads((DATA / "results" / f"{table}.provenance.json").read_text())
-    if facts.get("networks") == set_hashes(OURS.weights):
-        return "of the present networks"
-    return "of the networks before the last training"
 
 
 def tests(domain_gap: str) -> pd.DataFrame:

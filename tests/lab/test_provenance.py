@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lmmap.settings import OURS
 from lmmap_lab import provenance as results
+from lmmap_lab.studies.networks import set_hashes
 
 
 def test_json_round_trip_with_provenance(tmp_path):
@@ -121,3 +123,10 @@ def test_every_result_is_of_the_present_port():
              for path, made in documents.items()}  # fmt: skip
     told = {path: made for path, made in facts.items() if made and path.name.split(".")[0] not in of_no_port}
     assert len(told) > 50 and [path.name for path, made in told.items() if made.get("port") != present] == []
+
+
+def test_every_result_that_names_its_networks_is_of_the_present_ones():
+    kept = (results.DATA / "results").rglob("*.provenance.json")
+    named = {path.name: json.loads(path.read_text()).get("networks") for path in kept}
+    of_one_set = {name: mark for name, mark in named.items() if isinstance(mark, str)}
+    assert len(of_one_set) >= 4 and set(of_one_set.values()) == {set_hashes(OURS.weights)}, of_one_set

@@ -1,7 +1,6 @@
 """Model cards say what the weights' own cards and the committed results say."""
 
 import hashlib
-import json
 
 import pytest
 
@@ -12,7 +11,6 @@ from lmmap.settings import OURS
 from lmmap_lab.bench.labels import label_masks
 from lmmap_lab.pages import model_cards
 from lmmap_lab.provenance import DATA
-from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.training.mask_quality import iou
 
 
@@ -81,15 +79,3 @@ def test_beside_the_default_set_the_difference_is_that_of_both_shares():
     assert (shares.light - shares[OURS.weights]).to_numpy() == pytest.approx(shares.difference, abs=0.11)
     images = table["images", ""].astype(int)
     assert images["frames"].iloc[:3].sum() == images["frames", "all lights"]
-
-
-def test_a_table_says_whether_it_is_of_the_present_networks(tmp_path, monkeypatch):
-    monkeypatch.setattr(model_cards, "DATA", tmp_path)
-    (tmp_path / "results").mkdir()
-    for facts, words in (
-        ({"networks": set_hashes(OURS.weights)}, "present"),
-        ({"networks": set_hashes("low")}, "before"),
-        ({}, "before"),
-    ):
-        (tmp_path / "results" / "t.provenance.json").write_text(json.dumps(facts))
-        assert words in model_cards.of_networks("t")
