@@ -46,8 +46,8 @@ def test_every_format_has_its_row():
 def test_the_trained_sensor_is_the_first_row():
     table = model_cards.sensors()
     assert table.index[0] == ("DAVIS 346", "frames", "known")
-    for (sensor, _, ring), gain in table["minus DAVIS 346"].items():
-        assert bool(gain) == (sensor != "DAVIS 346" and ring == "known")
+    compared = table["minus DAVIS 346"][lambda gain: gain != ""]
+    assert len(compared) > 10 and all(s != "DAVIS 346" and ring == "known" for s, _, ring in compared.index)
 
 
 def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
