@@ -19,8 +19,6 @@ MEASURES = {  # of `domain_gap`: title, scale
     "pose_right": ("right poses (%)", 100),
 }  # fmt: skip
 SHIFTS = {"rgb": -0.15, "event": 0.15}  # of a camera's marks, beside a light
-VARIATIONS = {"expose": "exposure", "hot_pixels": "hot pixels", "compress": "compression",
-              "thin": "lost events", "noise_events": "noise events", "N": "event count"}  # fmt: skip
 PROMISES = (("position_m", "mm", 1e3), ("normal_deg", "°", 1.0))  # what, unit, scale
 
 
