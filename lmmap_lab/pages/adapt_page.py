@@ -76,14 +76,15 @@ def draw_gap(images: pd.DataFrame):
     networks, which had labels, as dashed lines: a panel a light."""
     table = places.by_seconds(images)
     lights = [light for light in LIGHTS if light in set(table.light)]
-    fig, axes = plt.subplots(1, len(lights), figsize=(7.6, 2.8), sharey=True, squeeze=False)
+    fig, axes = plt.subplots(1, len(lights), figsize=(3 + 1.6 * len(lights), 2.8), sharey=True, squeeze=False)
+    lowest = 10 * (table.right_percent.min() // 10) - 10
     for ax, light in zip(axes[0], lights, strict=True):
         for modality in ("rgb", "event"):
             cell = table[(table.light == light) & (table.modality == modality)].set_index("seconds")
             learned, labelled = (cell[cell.weights == gap].right_percent for gap in ("high", "low"))
             ax.plot(learned.index, learned, "o-", ms=4, color=COLOUR[modality])
             ax.axhline(labelled.iloc[0], ls="--", lw=1, color=COLOUR[modality])
-        ax.set(title=WORDS[light], xlabel="learned from (s)", ylim=(0, 102))
+        ax.set(title=WORDS[light], xlabel="learned from (s)", ylim=(lowest, 102))
     axes[0, 0].set(ylabel="right poses (%)")
     handles = [plt.Line2D([], [], marker="o", color=COLOUR[m], label=name)
                for name, m in (("frames", "rgb"), ("events", "event"))]  # fmt: skip
