@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import heapq
 import json
 import warnings
@@ -21,7 +20,7 @@ from ..estimation.estimates import estimate_images
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
-from ..pipeline.second_opinion import weight_files
+from ..pipeline.second_opinion import weight_hashes
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
@@ -178,8 +177,7 @@ def _journal(a, path: Path, form: str, modality: str, estimators: dict) -> Journ
     """A table of some estimators' answers, which is known as this command's own by what they depend on."""
     first, weights = next(iter(estimators.values())), {}
     for e in estimators.values():
-        for name, file in weight_files(a.weights or network_set(a), e.modality).items():
-            weights[name] = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        weights |= weight_hashes(a.weights or network_set(a), e.modality)
     made_of = {
         "recording": recording_mark(a.recording), "fps": a.fps, "modality": modality, "rate": a.rate,
         "format": a.format, "camera": asdict(first.camera), "port": asdict(first.port),

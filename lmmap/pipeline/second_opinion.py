@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +66,12 @@ def estimator_of(camera: AnyCamera, port: Port | None, modality: str, weights: W
     return kind(camera, port, modality, weights, settings)
 
 
-def weight_files(weights: str | Path, modality: str) -> dict[str, Path]:
-    """The weight files that `estimator_of` reads, by their names in their folder."""
+def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:
+    """What the weight files that `estimator_of` reads hold, by their names in their folder."""
     files = {path.name: path for path in network_paths(weights, modality)}
     if folder := before(weights, modality):
         files |= {f"{BEFORE}/{path.name}": path for path in network_paths(folder, modality)}
-    return files
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for name, path in files.items()}
 
 
 def before(weights: Weights, modality: str) -> Path | None:

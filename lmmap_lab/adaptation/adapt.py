@@ -11,7 +11,6 @@ Work that is done lies in ``FOLDER/unfinished`` until all is; the same call then
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ from lmmap.estimation.images import timed_images
 from lmmap.files import tune_allocator, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
-from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of, weight_files
+from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of, weight_hashes
 from lmmap.pipeline.weights import FILTERS, load_card, network_paths, save_weights, weight_path
 from lmmap.recordings.journal import Journal, recording_mark
 from lmmap.recordings.pose_files import round_trip
@@ -109,36 +108,39 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
         outcomes[m], nets = learn(recording, looks[m], track, estimator, old, recipes, unfinished)
         report(f"{m}: {outcomes[m].why}")
-        write_networks(folder, m, nets, recipes, outcomes[m], facts, weights)
+        # networks that go on learning keep the first ones
+        if first := before(weights, m) or (weights if outcomes[m].taken else None):
+            copy_networks(first, m, folder / BEFORE)
+        write_networks(folder, nets, recipes, outcomes[m], facts, network_paths(weights, m))
     kept = {"made_of": facts, "outcomes": {m: asdict(o) for m, o in outcomes.items()}}
     write_text(done, json.dumps(kept, indent=1) + "\n")
     shutil.rmtree(unfinished)
     return outcomes
 
 
-def write_networks(folder: Path, modality: str, nets: list[FilterNet], recipes, outcome: Outcome, facts: dict,
-                   weights) -> None:  # fmt: skip
-    """A camera's networks with their cards, and those from before.  Networks that go on learning keep the
-    first ones."""
-    first = before(weights, modality) or (weights if outcome.taken else None)
-    if first is not None:
-        (folder / BEFORE).mkdir(exist_ok=True)
-        for name, path in zip(FILTERS, network_paths(first, modality), strict=True):
-            copy = folder / BEFORE / weight_path(name, modality, "low").name
-            shutil.copyfile(path, copy)
-            shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
-    for recipe, net, path in zip(recipes, nets, network_paths(weights, modality), strict=True):
+def copy_networks(weights, modality: str, folder: Path) -> None:
+    """A camera's networks and their cards, into a folder of such."""
+    folder.mkdir(exist_ok=True)
+    for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
+        copy = folder / weight_path(name, modality, "low").name
+        shutil.copyfile(path, copy)
+        shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
+
+
+def write_networks(folder: Path, nets: list[FilterNet], recipes, outcome: Outcome, facts: dict,
+                   old: Sequence[Path]) -> None:  # fmt: skip
+    """A camera's networks with their cards; ``old`` are the files of those from before."""
+    for recipe, net, path in zip(recipes, nets, old, strict=True):
         card = {"recipe": asdict(recipe)} if outcome.taken else load_card(path)
         card |= {"made_of": facts, "adapted": outcome.taken, "why": outcome.why, **outcome.facts}
-        save_weights(net, folder / weight_path(recipe.filter, modality, "low").name, card)
+        save_weights(net, folder / weight_path(recipe.filter, recipe.modality, "low").name, card)
 
 
 def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
     """All that the networks depend on, as JSON has it."""
     first = next(iter(estimators.values()))
     mark = recording_mark(recording.source.path) if isinstance(recording, Stream) else recording.name
-    files = {name: path for m in estimators for name, path in weight_files(weights, m).items()}
-    base = {name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for name, path in files.items()}
+    base = {name: hashed for m in estimators for name, hashed in weight_hashes(weights, m).items()}
     how = {"steps": steps, "seed": seed, "rate": learning.RATE, "learned": learning.LEARNED,
            "labels": self_labels.MOST_LABELS}  # fmt: skip
     facts = {"recording": mark, "seconds": seconds, "base": base, **how,
@@ -202,8 +204,8 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
         why = f"sure poses of at least {1 - ENOUGH:.0%} of images with the port in view; networks as before"
         return Outcome(False, why, facts), old
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
-    new = [learning.mean(net, learning.train_on(deepcopy(net), part, recipe, unfinished))
-           for net, part, recipe in zip(old, samples, recipes, strict=True)]  # fmt: skip
+    trained = learning.train_both([deepcopy(net) for net in old], samples, recipes, unfinished)
+    new = [learning.mean(*pair) for pair in zip(old, trained, strict=True)]
     networks = tuple(MaskNetwork(deepcopy(net), modality) for net in new)
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
     asked = {look.t_us for look, ask in zip(own, guard.asked, strict=True) if ask}

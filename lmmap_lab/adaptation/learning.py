@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
+from threading import Event
 
 import torch
-from tqdm import trange
+from tqdm import tqdm
 
+from lmmap.pipeline.crops import at_once
 from lmmap.pipeline.network import FilterNet
 from lmmap.pipeline.weights import load_filter
 
@@ -32,19 +36,40 @@ def network_of(path: Path, modality: str) -> FilterNet:
     return load_filter(path, modality).to(memory_format=torch.channels_last)
 
 
-def train_on(net: FilterNet, samples: Labelled, recipe: Recipe, folder: Path) -> FilterNet:
-    """The network after all steps of a recipe; its checkpoints in the folder make an interrupted run go
-    on."""
+def train_both(nets: Sequence[FilterNet], samples: Sequence[Labelled], recipes: Sequence[Recipe],
+               folder: Path) -> list[FilterNet]:  # fmt: skip
+    """Both networks of a camera after all steps of their recipes, trained at once, each on half of torch's
+    threads; their checkpoints in the folder make an interrupted run go on."""
+    stop = Event()
+    with tqdm(total=sum(r.steps for r in recipes), desc=f"learning, {recipes[0].modality}", unit=" steps",
+              disable=None) as bar:  # fmt: skip
+
+        def told(steps: int) -> None:
+            bar.update(steps)
+            if stop.is_set():
+                raise InterruptedError
+
+        trainings = [
+            partial(train_on, *each, folder, told) for each in zip(nets, samples, recipes, strict=True)
+        ]
+        try:
+            return at_once(*trainings)
+        finally:
+            stop.set()  # an interrupted call does not leave a thread that goes on
+
+
+def train_on(net: FilterNet, samples: Labelled, recipe: Recipe, folder: Path,
+             told: Callable[[int], None] = lambda steps: None) -> FilterNet:  # fmt: skip
+    """The network after all steps of a recipe; ``told`` is called with the number of those just done."""
     adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = folder / f"{recipe.name}.ckpt.safetensors"
     start, _ = resume(checkpoint, net, adam, recipe)
-    shown = trange(
-        start, recipe.steps, initial=start, total=recipe.steps, desc=recipe.name, unit=" steps", disable=None
-    )
-    for step in shown:
+    told(start)
+    for step in range(start, recipe.steps):
         take_step(net, adam, make_batch(samples, recipe, step), recipe, step)
         if (step + 1) % CHECKPOINT_STEPS == 0 or step + 1 == recipe.steps:
             save_checkpoint(checkpoint, net, adam, recipe, step + 1, [])
+        told(1)
     return net
 
 

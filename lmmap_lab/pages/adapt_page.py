@@ -8,6 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.settings import MODALITIES
+
 from ..studies import places
 from ..studies.table1 import LIGHTS
 from .drawings import COLOUR
@@ -35,8 +37,7 @@ def draw_places(images: pd.DataFrame):
             ax.plot(after, y, "o", ms=5, color=COLOUR[modality])
             ax.plot(row["wrong", "after"], y, "x", ms=4, color=COLOUR["ink"])
         ax.set(title=WORDS[light], xlim=(-3, 103), xlabel="images (%)", yticks=[])
-    marks = {"frames": "rgb", "events": "event"}
-    handles = [plt.Line2D([], [], marker="o", color=COLOUR[m], label=name) for name, m in marks.items()]
+    handles = camera_handles()
     handles += [plt.Line2D([], [], ls="", marker=m, color=COLOUR["ink"], markerfacecolor=f, label=name)
                 for name, m, f in (("right before", "o", "white"), ("right after", "o", COLOUR["ink"]),
                                    ("wrong after", "x", None))]  # fmt: skip
@@ -71,26 +72,33 @@ def carried_table(images: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def draw_gap(images: pd.DataFrame):
+def draw_gap(table: pd.DataFrame):
     """Right poses of the high-gap networks over the seconds from which they learned, and of the low-gap
-    networks, which had labels, as dashed lines: a panel a light."""
-    table = places.by_seconds(images)
+    networks, which had labels, as dashed lines: a panel a light.
+
+    Parameters
+    ----------
+    table : `places.by_seconds`
+    """
     lights = [light for light in LIGHTS if light in set(table.light)]
     fig, axes = plt.subplots(1, len(lights), figsize=(3 + 1.6 * len(lights), 2.8), sharey=True, squeeze=False)
     lowest = 10 * (table.right_percent.min() // 10) - 10
     for ax, light in zip(axes[0], lights, strict=True):
-        for modality in ("rgb", "event"):
+        for modality in MODALITIES:
             cell = table[(table.light == light) & (table.modality == modality)].set_index("seconds")
             learned, labelled = (cell[cell.weights == gap].right_percent for gap in ("high", "low"))
             ax.plot(learned.index, learned, "o-", ms=4, color=COLOUR[modality])
             ax.axhline(labelled.iloc[0], ls="--", lw=1, color=COLOUR[modality])
         ax.set(title=WORDS[light], xlabel="learned from (s)", ylim=(lowest, 102))
     axes[0, 0].set(ylabel="right poses (%)")
-    handles = [plt.Line2D([], [], marker="o", color=COLOUR[m], label=name)
-               for name, m in (("frames", "rgb"), ("events", "event"))]  # fmt: skip
-    handles.append(plt.Line2D([], [], ls="--", color=COLOUR["ink"], label="low-gap networks, with labels"))
-    fig.legend(handles=handles, ncols=3, loc="outside lower center", fontsize=8)
+    labels = plt.Line2D([], [], ls="--", color=COLOUR["ink"], label="low-gap networks, with labels")
+    fig.legend(handles=[*camera_handles(), labels], ncols=3, loc="outside lower center", fontsize=8)
     return fig
+
+
+def camera_handles() -> list[plt.Line2D]:
+    """A legend's lines for the two cameras."""
+    return [plt.Line2D([], [], marker="o", color=COLOUR[m], label=CAMERAS[m]) for m in MODALITIES]
 
 
 def label_kinds(poses_own: np.ndarray, poses_track: np.ndarray) -> pd.Series:

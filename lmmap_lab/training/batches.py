@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from lmmap.pipeline.network import FilterNet, encode
+from lmmap.pipeline.network import FilterNet, encode, faster_precision
 from lmmap.settings import PAPER
 
 from . import augment
@@ -65,9 +65,10 @@ def _crop(samples, recipe, rng):
 
 
 def half_precision(device: torch.device, cache: bool = True):
-    """Autocast to bfloat16 on a GPU, and on processors with AVX-512; others emulate it, eight times slower
-    than float32.  Weights that are cast once are kept, but not where a graph of the step is recorded."""
-    fast = device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"
+    """Autocast to bfloat16 on a GPU, and on processors that are faster with it; others emulate it, four
+    to eight times slower than float32.  Weights that are cast once are kept, but not where a graph of the
+    step is recorded."""
+    fast = device.type != "cpu" or faster_precision() == "bfloat16"
     return torch.autocast(device.type, torch.bfloat16, enabled=fast, cache_enabled=cache)
 
 

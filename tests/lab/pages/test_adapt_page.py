@@ -4,6 +4,7 @@ import pandas as pd
 from lab.studies.test_places import elsewhere, images
 
 from lmmap_lab.pages import adapt_page
+from lmmap_lab.studies import places
 
 
 def test_the_table_has_a_row_for_each_light_and_camera():
@@ -35,6 +36,6 @@ def test_networks_that_had_labels_are_a_line_beside_those_that_learned():
     kinds = [("high", 0.0), ("high", 20.0), ("low", 0.0)]
     seen = pd.concat([images().assign(weights=w, seconds=s) for w, s in kinds])
     both = pd.concat([seen, seen.assign(modality="rgb")])
-    (ax,) = adapt_page.draw_gap(both).axes
+    (ax,) = adapt_page.draw_gap(places.by_seconds(both)).axes
     assert [line.get_linestyle() for line in ax.lines] == ["-", "--"] * 2
     assert ax.lines[0].get_xdata().tolist() == [0, 20]

@@ -4,6 +4,7 @@ import shutil
 from argparse import Namespace
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from strategies import CAMERA, PORT, pose
 from lmmap.cli.inputs import make_estimator
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of, weight_files
+from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of, weight_hashes
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Estimate, Status
@@ -96,10 +97,13 @@ def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(fold
     assert type(estimator_of(CAMERA, PORT, "rgb", folder)) is SecondOpinion
     assert type(estimator_of(CAMERA, PORT, "event", folder)) is Estimator
     assert type(estimator_of(CAMERA, PORT, "rgb", tuple(networks(*MASKS).values()))) is Estimator
-    files = weight_files(folder, "rgb")
-    assert len(files) == 4 and all(path == folder / name for name, path in files.items())
-    assert [path.parent.name for path in files.values()] == [folder.name] * 2 + [BEFORE] * 2
-    assert len(weight_files(folder, "event")) == 2
+    marks = weight_hashes(folder, "rgb")
+    assert [Path(name).parent.name for name in marks] == [""] * 2 + [BEFORE] * 2
+    changed = folder / list(marks)[-1]
+    changed.write_bytes(changed.read_bytes() + b" ")
+    now = weight_hashes(folder, "rgb")
+    assert [name for name in marks if now[name] != marks[name]] == [f"{BEFORE}/{changed.name}"]
+    assert len(weight_hashes(folder, "event")) == 2
     (folder / BEFORE).rename(folder / "low")
     monkeypatch.chdir(folder)  # a set of networks is meant, whatever lies here
     (folder / "low" / BEFORE).mkdir()
