@@ -47,13 +47,17 @@ class SecondOpinion(Estimator):
 
     def _joined(self, first: Estimate, second: Estimate) -> Estimate:
         """The first pose, confirmed or doubted by the second; the second pose where there is none, or where
-        it contradicts a less sure one, if the second networks' own limit allows it."""
+        it contradicts a less sure one, if the second networks' own limit allows it.  What an estimator would
+        not report contradicts nothing."""
         if first.T_cam_port is None:
             return first if second.T_cam_port is None else second
-        if second.found is None:
+        agree = second.found is not None and agreement.alike(
+            first.found, second.found, self.port, self.settings
+        )
+        if not agree and second.confidence < self.settings.min_confidence[self.modality]:
             return first
         both = self.together([first, second])
-        if both.found is first.found or agreement.alike(first.found, second.found, self.port, self.settings):
+        if agree or both.found is first.found:
             return both
         return both.judged(both.confidence, self.learned.settings.min_confidence[self.modality])
 

@@ -93,6 +93,12 @@ def test_a_pose_in_doubt_is_confirmed_contradicted_or_replaced(both, second, pos
     assert (told.confidence >= max(0.8, second[1])) == (second[0] is TRUE)
 
 
+def test_what_an_estimator_would_not_report_contradicts_nothing(both):
+    doubted = estimate(TRUE, 0.6)
+    assert both(doubted, estimate(OFF, 0.49))[0] is doubted
+    assert both(doubted, estimate(OFF, 0.5))[0].T_cam_port is None
+
+
 def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(folder, monkeypatch):
     assert type(estimator_of(CAMERA, PORT, "rgb", folder)) is SecondOpinion
     assert type(estimator_of(CAMERA, PORT, "event", folder)) is Estimator
