@@ -6,7 +6,6 @@ Both look at the same images, so the share of a difference is known better than 
 from __future__ import annotations
 
 import tempfile
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -64,14 +63,15 @@ def gains(
 
 def of_full_test() -> pd.DataFrame:
     """`gains` in the full test by ``light`` and ``camera``, from the committed results of its sequences."""
-    rows, sequences = [], COMMITTED / "sequences"
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for light, camera in product(LIGHTS, MODALITIES):
+        for light in LIGHTS:
             name = f"test-{light}"
-            files = f"errors-{label(name, camera, OURS.weights)}.csv", f"tracked-{name}-{camera}.csv"
-            for packed in (sequences / f"{name}.zip", sequences / f"tracked-{name}-{camera}.zip"):
+            for archive in (name, *(f"tracked-{name}-{camera}" for camera in MODALITIES)):
+                packed = COMMITTED / "sequences" / f"{archive}.zip"
                 unpack(packed, Path(folder), mark_of(packed))
-            rows.append(
-                {"light": light, "camera": camera, **gains(*(pd.read_csv(Path(folder) / f) for f in files))}
-            )
+            for camera in MODALITIES:
+                files = f"errors-{label(name, camera, OURS.weights)}.csv", f"tracked-{name}-{camera}.csv"
+                alone, tracked = (pd.read_csv(Path(folder) / file) for file in files)
+                rows.append({"light": light, "camera": camera, **gains(alone, tracked)})
     return pd.DataFrame(rows)
