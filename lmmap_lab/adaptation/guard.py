@@ -19,6 +19,8 @@ from lmmap.types import Estimate
 from .self_labels import SURE, believed
 from .smooth_track import SmoothTrack
 
+WRONG = round(1 - SURE, 9)  # of poses that are as sure as a label, what their confidence allows
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -94,9 +96,10 @@ class Guard:
     def judge(self, new: Sequence[Estimate]) -> Verdict:
         """New networks' estimates of the images that they are `asked`.
 
-        Where the old networks report no pose, those of the new ones must be as sure as a label, and surer
-        than any that the track contradicts.  They are taken if that leaves any that it believes, and if,
-        among the images that taught nothing, they alone report no fewer believed poses than the old ones.
+        Where the old networks report no pose, those of the new ones must be as sure as a label, and so sure
+        that the track contradicts no more of them than such a confidence allows.  They are taken if that
+        leaves any that it believes, and if, among the images that taught nothing, they alone report no fewer
+        believed poses than the old ones.
         """
         joint = self._track.with_more(("new", e) for e in new)
         old = [e for e, ask in zip(self._old, self.asked, strict=True) if ask]
@@ -104,8 +107,7 @@ class Guard:
         old, new = ([(e, self._trust(e, self._track, joint)) for e in each] for each in (old, new))
         added = [pair for pair, (first, _) in zip(new, old, strict=True) if first.T_cam_port is None]
         limits = self._estimator.settings.min_confidence
-        wrong = [float(np.nextafter(e.confidence, 2.0)) for e, trust in added if trust is False]
-        least = max([SURE, limits.rgb, limits.event, *wrong])
+        least = _limit(added, max(SURE, limits.rgb, limits.event))
         before, after = (
             _reported([pair for pair, kept in zip(each, is_kept, strict=True) if kept], self._limit)
             for each in (old, new)
@@ -117,6 +119,15 @@ class Guard:
         """What the first track that reaches an estimate says of it."""
         told = (believed(e, track, self._estimator) for track in tracks)
         return next((trust for trust in told if trust is not None), None)
+
+
+def _limit(judged: Sequence[tuple[Estimate, bool | None]], least: float) -> float:
+    """The lowest limit from this one on above which the track contradicts at most the share `WRONG` of the
+    poses of which it knows."""
+    raised = (float(np.nextafter(e.confidence, 2.0)) for e, trust in judged if trust is False)
+    limits = sorted([least, *(limit for limit in raised if limit > least)])
+    told = (_reported(judged, limit) for limit in limits)
+    return next(x for x, (good, bad) in zip(limits, told, strict=True) if bad <= WRONG * (good + bad))
 
 
 def _reported(judged: Sequence[tuple[Estimate, bool | None]], limit: float) -> tuple[int, int]:

@@ -55,28 +55,36 @@ def test_networks_that_find_no_more_or_explain_less_where_they_were_not_taught_a
     assert judged(EVERY_OTHER, estimates(taught | set(KEPT[:5]))).taken
 
 
-@pytest.mark.parametrize("k, silent", [(13, True), (31, True), (14, False), (30, False)])
-def test_the_limit_rises_above_poses_that_the_track_contradicts_where_the_old_networks_have_none(k, silent):
-    new = estimates(set(range(COUNT)), wrong={k}, confidence=0.99)
-    new[k] = replace(new[k], confidence=0.95)
+@pytest.mark.parametrize("wrong, raised", [({13, 21, 31}, True), ({13}, False), ({12, 14, 16, 30}, False)])
+def test_the_limit_rises_where_the_track_contradicts_more_of_what_is_added_than_a_label_may_be(wrong, raised):
+    new = estimates(set(range(COUNT)), wrong, confidence=0.99)
+    new = [replace(e, confidence=0.95) if k in wrong else e for k, e in enumerate(new)]
     verdict = judged(EVERY_OTHER, new)
-    assert verdict.taken and verdict.after == (10 - (k in KEPT), int(k in KEPT))
-    assert 0.95 < verdict.min_confidence < 0.951 if silent else verdict.min_confidence == SURE
-    new[k] = replace(new[k], confidence=0.995)
-    assert judged(EVERY_OTHER, new).taken != silent  # surer than every right one
+    assert verdict.taken and verdict.after == (10 - len(wrong & set(KEPT)), len(wrong & set(KEPT)))
+    assert 0.95 < verdict.min_confidence < 0.951 if raised else verdict.min_confidence == SURE
+    new = [replace(e, confidence=0.995) if k in wrong else e for k, e in enumerate(new)]
+    assert judged(EVERY_OTHER, new).taken != raised  # surer than every right one
+
+
+@pytest.mark.parametrize("wrong, allowed", [(1, True), (2, False)])
+def test_one_of_ten_may_be_contradicted(wrong, allowed):
+    added = list(range(1, 20, 2))
+    verdict = judged(EVERY_OTHER, estimates(set(range(0, COUNT, 2)) | set(added), set(added[:wrong])))
+    assert (verdict.min_confidence == SURE) == allowed == verdict.taken
 
 
 @given(
     st.lists(st.tuples(st.booleans(), st.booleans(), st.floats(0.01, 1.0)), min_size=COUNT, max_size=COUNT)
 )
-def test_what_new_networks_add_is_never_wrong_where_the_track_knows(images):
+def test_of_what_new_networks_add_no_more_is_wrong_where_the_track_knows_than_a_label_may_be(images):
     found, wrong = ({k for k, image in enumerate(images) if image[part]} for part in (0, 1))
     new = [replace(e, confidence=p) for e, (_, _, p) in zip(estimates(found, wrong), images, strict=True)]
     verdict = judged(EVERY_OTHER, new)
     assert verdict.min_confidence >= SURE
-    asked = {k for k in found if k % 2 and new[k].confidence >= verdict.min_confidence}
-    assert not asked & wrong & set(range(1, COUNT - 1))
-    assert verdict.taken == (verdict.after[0] >= 5 and verdict.more > 0) and verdict.more <= len(asked)
+    known = {k for k in found if k % 2 and new[k].confidence >= verdict.min_confidence} - {COUNT - 1}
+    assert len(known & wrong) <= 0.1 * len(known)
+    assert verdict.taken == (verdict.after[0] >= 5 and verdict.more > 0)
+    assert verdict.more <= len(known - wrong) + 1
 
 
 def test_new_networks_look_only_where_they_may_add_or_are_guarded():
