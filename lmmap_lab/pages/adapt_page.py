@@ -47,7 +47,7 @@ def draw_places(images: pd.DataFrame):
 
 def light_table(images: pd.DataFrame) -> pd.DataFrame:
     """Texts by light and camera: right and wrong poses before and after, with 95 % intervals."""
-    cells = places.by_light(images).set_index(["light", "modality", "when"])
+    cells = places.means(images).set_index(["light", "modality", "when"])
     text = pd.DataFrame({what: shares_with_ends(cells, what, ".1f") for what in places.COUNTED})
     shown = text.unstack("when")[[(w, k) for w in places.COUNTED for k in places.WHEN]]
     shown[("", "recordings")] = cells.recordings.xs("before", level="when")
@@ -56,6 +56,23 @@ def light_table(images: pd.DataFrame) -> pd.DataFrame:
     return shown.rename(columns={w: f"{w} (%)" for w in places.COUNTED}, level=0).rename_axis(
         index=["", ""], columns=[None, None]
     )
+
+
+def whole_table(half: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
+    """Texts by camera: right and wrong poses before, and after networks have learned the first half of the
+    recordings or all of them, with 95 % intervals.
+
+    Parameters
+    ----------
+    half, whole : what benchmarks/adapt_places.py keeps of each image of the same recordings
+    """
+    of_half, of_whole = (places.means(images, ["modality"]).set_index("when") for images in (half, whole))
+    columns = {"before": of_half.loc["before"], "after a half": of_half.loc["after"],
+               "after the whole": of_whole.loc["after"]}  # fmt: skip
+    cells = {name: part.set_index("modality") for name, part in columns.items()}
+    shown = {(f"{what} (%)", name): shares_with_ends(part, what, ".1f")
+             for what in places.COUNTED for name, part in cells.items()}  # fmt: skip
+    return pd.DataFrame(shown).loc[list(MODALITIES)].rename(index=CAMERAS).rename_axis(index="")
 
 
 def carried_table(images: pd.DataFrame) -> pd.DataFrame:

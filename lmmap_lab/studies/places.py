@@ -3,6 +3,8 @@ that `benchmarks/adapt_places.py` judged."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -42,21 +44,22 @@ def by_recording(images: pd.DataFrame) -> pd.DataFrame:
     return counts.unstack("when")[[*COUNTED, "images"]]
 
 
-def by_light(images: pd.DataFrame, draws: int = 2000, seed: int = 0) -> pd.DataFrame:
+def means(images: pd.DataFrame, by: Sequence[str] = ("light", "modality"), draws: int = 2000,
+          seed: int = 0) -> pd.DataFrame:  # fmt: skip
     """Means over recordings of `by_recording`, by light and camera, with 95 % intervals over recordings.
 
     Returns
     -------
     DataFrame
-        ``light, modality, when, recordings, images`` and, for ``right`` and ``wrong``, ``NAME_percent`` and
-        its ends ``NAME_low, NAME_high``.
+        The columns of ``by``, ``when, recordings, images`` and, for ``right`` and ``wrong``, ``NAME_percent``
+        and its ends ``NAME_low, NAME_high``.
     """
     table, rng, rows = by_recording(images), np.random.default_rng(seed), []
-    for (light, modality), cell in table.groupby(["light", "modality"], sort=False):
+    for key, cell in table.groupby(list(by), sort=False):
         drawn = rng.integers(0, len(cell), (draws, len(cell)))
         for when in WHEN:
-            row = {"light": light, "modality": modality, "when": when, "recordings": len(cell),
-                   "images": int(cell["images", when].sum())}  # fmt: skip
+            row = dict(zip(by, key, strict=True)) | {"when": when, "recordings": len(cell)}
+            row["images"] = int(cell["images", when].sum())
             for what in COUNTED:
                 values = cell[what, when].to_numpy()
                 low, high = interval(values[drawn].mean(1))

@@ -52,12 +52,19 @@ def test_what_other_recordings_judge_is_apart():
 
 
 def test_means_are_over_recordings_within_their_intervals():
-    cells = places.by_light(images()).set_index("when")
+    cells = places.means(images()).set_index("when")
     assert cells.right_percent.to_dict() == {"before": 75, "after": 87.5}
     assert cells.wrong_percent.to_dict() == {"before": 12.5, "after": 0}
     assert (cells.recordings == 2).all() and (cells.images == 8).all()
     assert (cells.right_low <= cells.right_percent).all()
     assert (cells.right_percent <= cells.right_high).all()
+
+
+def test_means_of_a_camera_are_over_the_recordings_of_all_lights():
+    both = pd.concat([images(), images().replace({"scene-61005:20": "scene-61004:20"})])
+    cells = places.means(both, ["modality"]).set_index(["modality", "when"])
+    assert cells.recordings.tolist() == [3, 3] and cells.images.tolist() == [16, 16]
+    assert cells.right_percent["event", "after"] == pytest.approx((75 + 100 + 100) / 3)
 
 
 def test_what_loses_most_is_the_largest_fall():
