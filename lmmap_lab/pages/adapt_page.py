@@ -66,13 +66,17 @@ def whole_table(half: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
     ----------
     half, whole : what benchmarks/adapt_places.py keeps of each image of the same recordings
     """
-    of_half, of_whole = (places.means(images, ["modality"]).set_index("when") for images in (half, whole))
-    columns = {"before": of_half.loc["before"], "after a half": of_half.loc["after"],
-               "after the whole": of_whole.loc["after"]}  # fmt: skip
-    cells = {name: part.set_index("modality") for name, part in columns.items()}
-    shown = {(f"{what} (%)", name): shares_with_ends(part, what, ".1f")
-             for what in places.COUNTED for name, part in cells.items()}  # fmt: skip
-    return pd.DataFrame(shown).loc[list(MODALITIES)].rename(index=CAMERAS).rename_axis(index="")
+    kinds = {"before": (half, "before"), "after the first half": (half, "after"),
+             "after all of it": (whole, "after")}  # fmt: skip
+    cells = pd.concat(
+        {
+            name: places.means(images, ["modality"]).query("when == @when").set_index("modality")
+            for name, (images, when) in kinds.items()
+        }
+    ).swaplevel()
+    order = [(m, name) for m in MODALITIES for name in kinds]
+    shown = pd.DataFrame({f"{what} (%)": shares_with_ends(cells, what, ".1f") for what in places.COUNTED})
+    return shown.loc[order].rename(index=CAMERAS).rename_axis(index=["", ""])
 
 
 def carried_table(images: pd.DataFrame) -> pd.DataFrame:

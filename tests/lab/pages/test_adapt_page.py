@@ -19,9 +19,9 @@ def test_what_the_whole_recording_teaches_stands_beside_what_its_half_does():
     half, whole = (pd.concat([seen, seen.assign(modality="rgb")]) for seen in (images(), images().assign(
         right=True, wrong=False)))  # fmt: skip
     table = adapt_page.whole_table(half, whole)
-    assert table.index.tolist() == ["frames", "events"]
+    assert table.index.get_level_values(0).tolist() == ["frames"] * 3 + ["events"] * 3
     right = table["right (%)"].loc["events"].str.split(" ").str[0]
-    assert right.to_dict() == {"before": "75.0", "after a half": "87.5", "after the whole": "100.0"}
+    assert right.to_dict() == {"before": "75.0", "after the first half": "87.5", "after all of it": "100.0"}
 
 
 def test_a_recording_is_a_line_from_before_to_after():
