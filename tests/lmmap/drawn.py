@@ -1,9 +1,10 @@
 """Frames, events and recordings of the port, drawn from its geometry alone: what the shipped networks see."""
 
 import atexit
+import shutil
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 
 import cv2
 import numpy as np
@@ -60,8 +61,9 @@ def recording(frames: int = 12, step_us: int = STEP_US) -> Recording:
 @cache
 def file(frames: int = 12, step_us: int = STEP_US) -> Path:
     """The recording as AEDAT4 beside its camera and truth, until this process ends."""
-    folder = TemporaryDirectory(prefix="drawn-")
-    atexit.register(folder.cleanup)
-    path = Path(folder.name) / "drawn.aedat4"
+    # A TemporaryDirectory would remove itself in forked processes, in which Python 3.13 empties atexit.
+    folder = mkdtemp(prefix="drawn-")
+    atexit.register(shutil.rmtree, folder)
+    path = Path(folder) / "drawn.aedat4"
     write_recording(recording(frames, step_us), path)
     return path

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lmmap.refinement import verify
 from lmmap.types import Port
 from lmmap_lab.bench import cad
 
@@ -93,3 +94,21 @@ def test_bounding_sphere_loses_nothing(rng):
     a = rng.uniform(0, 2 * np.pi, 200)
     for x, y in 0.0875 * np.stack([np.cos(a), np.sin(a)], -1):
         assert look_down(x, y)[1] == cad.RING
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.9, 2.0, 3.1])
+@pytest.mark.parametrize("windows", [True, False])
+def test_what_is_hidden_is_what_a_ray_against_the_cad_does_not_reach(rng, azimuth, windows):
+    """Points of ring and markers; the module that estimates has its own code for what is hidden."""
+    port = Port.lm_map() if windows else replace(Port.lm_map(), window_size_m=(0.0, 0.0))
+    solid = cad.solid(port)
+    eye = 0.5 * np.array([np.sin(0.9) * np.cos(azimuth), np.sin(0.9) * np.sin(azimuth), np.cos(0.9)])
+    angle, r = rng.uniform(0, 2 * np.pi, 2000), rng.uniform(0, 0.089, 2000)
+    points_m = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros(2000)], -1)
+    rays, distance_m = points_m - eye, np.linalg.norm(points_m - eye, axis=1)
+    bare = solid._replace(stem=1e-9, ring_inner=1e-9, ring_outer=2e-9)
+    met = [cad.hit_port(bare, *eye, *(ray / d), d - 1e-3)[1] in (cad.PLATE, cad.MARKER, cad.PETAL)
+           for ray, d in zip(rays, distance_m, strict=True)]  # fmt: skip
+    behind = verify.hidden(points_m, eye, port)
+    assert 0.1 < behind.mean() < 0.9
+    np.testing.assert_array_equal(behind, met)

@@ -1,7 +1,5 @@
 """Evidence for a pose, on ports drawn from the geometry."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from strategies import CAMERA, PORT, pose
 from lmmap.geometry.port import ideal_masks
 from lmmap.refinement import verify
 from lmmap.types import Pose
-from lmmap_lab.bench import cad
 
 POSES = [pose((170, 125), z, np.deg2rad(t), a, y) for z, t, a, y in
          [(0.4, 5, 0, 0.2), (0.5, 20, 1, 0.5), (0.6, 35, 2.5, 1.5), (0.8, 30, 4, 0.1)]]  # fmt: skip
@@ -106,21 +103,3 @@ def test_what_is_hidden_lies_behind_plate_or_petals():
         assert behind[toward < -0.9].mean() > 0.5
         assert not behind[toward > 0].any()
     assert verify.hidden(np.zeros((1, 3)), [0, 0, 0.6], PORT).all()  # the plate hides the stem's foot
-
-
-@pytest.mark.parametrize("azimuth", [0.0, 0.9, 2.0, 3.1])
-@pytest.mark.parametrize("windows", [True, False])
-def test_what_is_hidden_is_what_a_ray_against_the_cad_does_not_reach(rng, azimuth, windows):
-    """Points of ring and markers; the bench has its own code for rays."""
-    port = PORT if windows else replace(PORT, window_size_m=(0.0, 0.0))
-    solid = cad.solid(port)
-    eye = 0.5 * np.array([np.sin(0.9) * np.cos(azimuth), np.sin(0.9) * np.sin(azimuth), np.cos(0.9)])
-    angle, r = rng.uniform(0, 2 * np.pi, 2000), rng.uniform(0, 0.089, 2000)
-    points_m = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros(2000)], -1)
-    rays, distance_m = points_m - eye, np.linalg.norm(points_m - eye, axis=1)
-    bare = solid._replace(stem=1e-9, ring_inner=1e-9, ring_outer=2e-9)
-    met = [cad.hit_port(bare, *eye, *(ray / d), d - 1e-3)[1] in (cad.PLATE, cad.MARKER, cad.PETAL)
-           for ray, d in zip(rays, distance_m, strict=True)]  # fmt: skip
-    behind = verify.hidden(points_m, eye, port)
-    assert 0.1 < behind.mean() < 0.9
-    np.testing.assert_array_equal(behind, met)
