@@ -28,10 +28,10 @@ book serve lab pdf: export LMMAP_PRECISION := float32
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: help env reproduce evaluate test test-lmmap lint book check-book pdf serve lab train bench vo clean
+.PHONY: help env reproduce evaluate test test-lmmap test-robustness test-pythons lint book check-book pdf serve lab train bench vo clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  Settings: PROFILE=quick|paper (now $(PROFILE)), PYTHON=python3.12, PORT=8000, DATA=FOLDER ADAPT=1"
 
 env: $(STAMP)  ## make .venv from environment.txt
@@ -67,11 +67,19 @@ $(ORACLES): tests/oracles.txt $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.txt -r tests/oracles.txt
 	@touch $@
 
-test: env $(ORACLES)  ## run the tests (JOBS=4: on four processes, else on two)
-	@$(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
+PYTEST = $(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
 
-test-lmmap: env $(ORACLES)  ## run the thin package's tests alone, without lmmap_lab (a minute; those in processes are left to 'test')
-	@$(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal --ignore tests/lmmap/processes tests/lmmap
+test: test-lmmap  ## run the tests: the thin package's alone, then all others (JOBS=4: on four processes, else on two)
+	@$(PYTEST) --ignore tests/lmmap --ignore tests/robustness
+
+test-lmmap: env $(ORACLES)  ## run the thin package's tests alone, where lmmap_lab cannot be imported
+	@$(PYTEST) tests/lmmap
+
+test-robustness: env $(ORACLES)  ## run attacks, full disks and interrupts, in processes of their own
+	@$(PYTEST) tests/robustness
+
+test-pythons:  ## run both commands in a fresh clone, on each promised Python that is found here (half an hour each)
+	@.ci/pythons test reproduce
 
 lint: env  ## ruff, formatting, and the floors (imports run downward only)
 	@$(BIN)/ruff check .
