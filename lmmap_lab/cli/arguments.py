@@ -10,6 +10,7 @@ from lmmap.cli.commands import Commands
 # of modules that take seconds to import, while --help is to answer at once; tests compare them
 FILTERS, PROFILES = ("ring", "reflector"), ("quick", "paper")
 ADAPT_STEPS = 400
+PAPERS = ("a4", "letter")
 WRITTEN = (".aedat4", ".bag", ".h5", ".hdf5")  # how names of recordings end that can be written
 
 ADAPT = """examples:
@@ -33,6 +34,11 @@ CALIBRATE = """examples:
   lmmap calibrate normal__train.bag --hand-eye camera-to-robot-calibration_dvs.yaml
   lmmap calibrate T1_RA_0_ES_0_a.bag T2_RA_0_ES_1_a.bag --free -o rig.json
   lmmap calibrate own.aedat4 --port -o port.json     the dimensions of the port that it shows
+"""
+PRINT = """examples:
+  lmmap print -o port.pdf                         two sheets; print them at 100 %
+  lmmap print --paper letter --scale 0.5 -o half.pdf
+  lmmap print --ruler 97.5 -o port.json           the port, if 100 mm of the ruler came out as 97.5
 """
 EXPORT = """examples:
   lmmap export robust -o onnx       four networks, and lmmap.json with all else that an integrator needs
@@ -100,6 +106,18 @@ def export(commands: Commands) -> None:
     text = f"a shipped set ({', '.join(DOMAIN_GAPS)}), or a folder with files named as those of lmmap"
     command.add_argument("weights", metavar="WEIGHTS", help=text)
     commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="a folder to make")
+
+
+def print_port(commands: Commands) -> None:
+    text = "write the port as two sheets of paper to print, cut out and glue"
+    command = commands.add("print", "lmmap_lab.cli.paper_port:print_port", text, PRINT)
+    command.add_argument("--paper", choices=PAPERS, default="a4", help="default: a4")
+    commands.add_file(command, "--port", help="geometry of another port (JSON)")
+    text = "of the sheets to the port (default: 1)"
+    command.add_argument("--scale", type=float, default=1.0, metavar="S", help=text)
+    text = "write the port as the printer made it: what its 100 mm ruler measures"
+    command.add_argument("--ruler", type=float, metavar="MM", help=text)
+    commands.add_output(command, "PDF to write; with --ruler the port's JSON", required=True)
 
 
 def reproduce(commands: Commands) -> None:
