@@ -108,7 +108,7 @@ def export(commands: Commands) -> None:
     commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="a folder to make")
 
 
-def print_port(commands: Commands) -> None:
+def print(commands: Commands) -> None:  # an entry point has its command's name
     text = "write the port as two sheets of paper to print, cut out and glue"
     command = commands.add("print", "lmmap_lab.cli.paper_port:print_port", text, PRINT)
     command.add_argument("--paper", choices=PAPERS, default="a4", help="default: a4")
