@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, FLIPS, MODALITIES, PAPER_WEIGHTS, SHELLS
+from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, FLIPS, MODALITIES, PAPER_WEIGHTS, SHELLS, camera_or_file
 from .commands import Commands
 
 ESTIMATE = """examples:
@@ -35,6 +35,7 @@ INFO = """examples:
   lmmap info run.bag --camera camera.yaml --json              says too whether the lens is in range
 """
 LIVE = """examples:
+  lmmap live 0 --view                                         from a webcam, with a page to look at
   lmmap live --modality event --camera camera.json            from an attached camera; Ctrl-C ends it
   lmmap live demo.aedat4 --modality rgb --seconds 5           a recording, in the time that it took
   lmmap live demo.aedat4 --modality event --between 100       and 100 poses a second between the images
@@ -119,8 +120,11 @@ def _info(commands: Commands) -> None:
 def _live(commands: Commands) -> None:
     text = "poses as images come, from a camera or from a recording that is played"
     command = commands.add("live", "lmmap.cli.live:live", text, LIVE)
-    commands.add_recording(command, nargs="?")
-    _add_estimation(commands, command, required=True)
+    text = "recording to play, or a camera: 0, /dev/video0, rtsp://... (default: an attached event camera)"
+    commands.add_recording(command, nargs="?", type=camera_or_file, help=text)
+    _add_estimation(commands, command, required=False)
+    command.set_defaults(modality="rgb")
+    command.add_argument("--view", action="store_true", help="show the images in a page on this computer")
     commands.add_output(command, "poses to write as well (CSV, or by the name's end .tum, .bag, .mcap)")
     _add_frames(command)
     command.add_argument("--seconds", type=float, help="end after so many seconds")

@@ -90,8 +90,7 @@ class Commands:
 
     def add_file(self, command, *names: str, **options) -> None:
         """An argument that is a file's name, which the shell can complete."""
-        options = {"metavar": "FILE"} | options
-        action = command.add_argument(*names, type=Path, **options)
+        action = command.add_argument(*names, **({"metavar": "FILE", "type": Path} | options))
         if self.complete_files is not None:
             action.complete = self.complete_files
 
@@ -99,10 +98,10 @@ class Commands:
         self.add_file(command, "-o", "--output", help=text, **options)
         command.add_argument("--overwrite", action="store_true", help="replace an output that exists")
 
-    def add_recording(self, command, nargs=None) -> None:
+    def add_recording(self, command, **options) -> None:
         """Add the arguments that open a recording of any format."""
         text = "AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images"
-        self.add_file(command, "recording", nargs=nargs, metavar=None, help=text)
+        self.add_file(command, "recording", **({"metavar": None, "help": text} | options))
         text = ("calibration: our JSON, or of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP (FILE:NAME of "
                 "several cameras); or a sensor and its nominal lens, such as evk4:8mm")  # fmt: skip
         self.add_file(command, "--camera", help=text)

@@ -7,7 +7,8 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,9 +16,12 @@ from ..estimation.images import newest_images
 from ..files import check_output
 from ..recordings import devices
 from ..recordings.journal import Journal
-from ..recordings.sensors import load_camera
+from ..recordings.sensors import assumed, load_camera
+from ..recordings.stream import Stream
+from ..recordings.webcam import Webcam
 from ..tracking.tracker import Tracker
-from ..types import Estimate, InputError, Pose
+from ..types import Camera, Estimate, InputError, Pose
+from . import plugins
 from .inputs import check_between, flips_of, input_files, make_estimator, no_images, open_input, pose_bag
 from .progress import add_colour, status_colour, summary
 
@@ -28,33 +32,52 @@ def live(a) -> None:
         check_between(a)
     if a.output:
         check_output(a.output, input_files(a), overwrite=a.overwrite)
-    stream = open_input(a) if a.recording else None
-    if stream is None and not a.camera:
+    device, camera, stream = _open(a)
+    estimator = make_estimator(a, camera, a.modality)
+    if not _estimate_live(a, device, estimator):
+        if stream:
+            raise no_images(stream, a.modality, estimator.settings)
+        raise InputError("live: the camera sent no image; check its cable and its lens cap")
+
+
+def _open(a) -> tuple[object, Camera, Stream | None]:
+    """The device that was asked for, its camera and, if it is played, its recording."""
+    if isinstance(name := a.recording, str):
+        a.recording, device = None, Webcam(name, flips_of(a))
+        camera = load_camera(a.camera, device.size_px) if a.camera else assumed(device.size_px, name)
+    elif a.recording:
+        stream = open_input(a, checked=False)
+        if stream.camera is None and not (a.modality == "rgb" and stream.source.size_px):
+            stream = open_input(a)  # raises
+        camera = stream.camera or assumed(stream.source.size_px, a.recording)
+        stream = replace(stream, camera=camera, checked=True)
+        return devices.Played(stream), camera, stream
+    elif a.camera:
+        device, camera = devices.Attached(flips_of(a)), load_camera(a.camera)
+    else:
         raise InputError("live: no calibration; give the attached camera's with --camera")
-    device = devices.Played(stream) if stream else devices.Attached(flips_of(a))
-    camera = stream.camera if stream else load_camera(a.camera)
     if camera.size_px != device.size_px:
         width, height = device.size_px
         raise InputError(f"{a.camera}: for {camera.width_px} x {camera.height_px} px, but the camera has "
                          f"{width} x {height} px; give its own calibration")  # fmt: skip
-    estimator = make_estimator(a, camera, a.modality)
-    began = time.monotonic()
-    statuses, late_ms, skipped = _estimate_live(a, device, estimator)
-    if not statuses:
-        if stream:
-            raise no_images(stream, a.modality, estimator.settings)
-        raise InputError("live: the camera sent no image; check its cable and its lens cap")
-    rate = len(statuses) / (time.monotonic() - began)
-    print(f"lmmap: {summary(Counter(statuses))}; {rate:.1f} images/s, {skipped} skipped, "
-          f"{np.median(late_ms):.0f} ms late", file=sys.stderr)  # fmt: skip
+    return device, camera, None
 
 
-def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
-    """Print the track's answers; the images' statuses and delays, and how many images were skipped."""
-    statuses, late_ms, skipped, last_us = [], [], 0, -np.inf
+def _view(estimator):
+    """The page that `plugins.VIEWS` offers."""
+    for function in plugins.entry_points(plugins.VIEWS).values():
+        return plugins.call("--view", function, estimator.camera, estimator.port)
+    raise plugins.NotInstalled(f"--view: needs the laboratory of the book; {plugins.INSTALL}")
+
+
+def _estimate_live(a, device, estimator) -> int:
+    """Print the track's answers and, however it ends, a summary; the number of images."""
+    statuses, late_ms, skipped, last_us, began = [], [], 0, -np.inf, time.monotonic()
     tracker = Tracker(estimator, events=bool(a.between))
     form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
-    with (pose_bag(a) or Journal(a.output, form)) if a.output else nullcontext() as journal:
+    with ExitStack() as held:
+        journal = held.enter_context(pose_bag(a) or Journal(a.output, form)) if a.output else None
+        view = held.enter_context(_view(estimator)) if a.view else None
 
         def tell(e: Estimate, newest_us: int) -> float:
             late_ms = (device.now_us() - newest_us) * 1e-3
@@ -74,9 +97,16 @@ def _estimate_live(a, device, estimator) -> tuple[list[str], list[float], int]:
                 e = tracker(image.image, image.t_us, image.wider)
                 late_ms.append(tell(e, image.newest_us))
                 statuses.append(str(e.status))
+                if view:
+                    view.show(image.image, e, _facts(e, late_ms[-1]))
         except KeyboardInterrupt:
             pass
-    return statuses, late_ms, skipped
+        finally:
+            rate = len(statuses) / (time.monotonic() - began)
+            if statuses:
+                print(f"lmmap: {summary(Counter(statuses))}; {rate:.1f} images/s, {skipped} skipped, "
+                      f"{np.median(late_ms):.0f} ms late", file=sys.stderr)  # fmt: skip
+    return len(statuses)
 
 
 class _Between:
@@ -98,15 +128,18 @@ class _Between:
 
 
 def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
-    T = e.T_cam_port
     if as_json:
-        others = {"predicted": e.predicted, "measured": e.measured}
-        facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
-                 "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
-        return json.dumps(facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None})
-    status = add_colour(f"{e.status:10}", status_colour(e.status))
+        return json.dumps(_facts(e, late_ms))
+    status, T = add_colour(f"{e.status:10}", status_colour(e.status)), e.T_cam_port
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
+
+
+def _facts(e: Estimate, late_ms: float) -> dict:
+    T, others = e.T_cam_port, {"predicted": e.predicted, "measured": e.measured}
+    facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
+             "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
+    return facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None}
 
 
 def _as_json(T: Pose) -> dict[str, list[float]]:

@@ -7,7 +7,7 @@ from importlib import metadata
 
 from ..files import InputError
 
-COMMANDS, TRUTHS, NETWORKS = "lmmap.commands", "lmmap.truths", "lmmap.networks"  # groups of entry points
+COMMANDS, TRUTHS, NETWORKS, VIEWS = "lmmap.commands", "lmmap.truths", "lmmap.networks", "lmmap.views"
 INSTALL = "pip install 'lmmap[lab]'"  # the laboratory of the book, which uses all groups
 
 

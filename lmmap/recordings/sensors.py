@@ -6,7 +6,9 @@ at hand; its range is as wrong as its focal length.
 
 from __future__ import annotations
 
+import math
 import re
+import warnings
 from dataclasses import dataclass
 
 from ..types import Camera, InputError
@@ -32,6 +34,7 @@ SENSORS = {
     "imx636": Sensor("Prophesee and Sony", "EVK3 HD, EVK3+, EVK4", (1280, 720), 4.86),
     "genx320": Sensor("Prophesee", "GenX320", (320, 320), 6.3),
 }
+ASSUMED_VIEW_DEG = 60.0  # across the longer side of the image, as many webcams have
 ALIASES = {"evk3": "imx636", "evk3+": "imx636", "evk4": "imx636"}
 
 
@@ -48,6 +51,17 @@ def nominal(name: str, focal_mm: float) -> Camera:
         raise InputError(f"{name}:{focal_mm:g}mm: no sensor and lens; give one of {known}, as evk4:8mm")
     sensor = SENSORS[key]
     (width, height), f_px = sensor.size_px, focal_mm * 1000 / sensor.pitch_um
+    return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
+
+
+def assumed(size_px: tuple[int, int], name) -> Camera:
+    """A camera of which nothing but the images' size is known, and a warning of what that means."""
+    width, height = size_px
+    f_px = max(size_px) / 2 / math.tan(math.radians(ASSUMED_VIEW_DEG / 2))
+    view = f"{ASSUMED_VIEW_DEG:.0f} degrees of horizontal view, f = {f_px:.0f} px"
+    warnings.warn(f"{name}: no calibration; assuming {view}: distances are off by as "
+                  "many percent as f, angles by less; 'lmmap calibrate CLIP --focal' measures f, and "
+                  "--camera gives it", stacklevel=3)  # fmt: skip
     return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
 
 
