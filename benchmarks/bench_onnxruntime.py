@@ -24,9 +24,9 @@ import onnxruntime
 import pandas as pd
 import torch
 
+from lmmap.allocator import tune_allocator
 from lmmap.cli import main as command
 from lmmap.estimation.images import images
-from lmmap.files import tune_allocator
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import MaskNetwork, faster_precision
 from lmmap.pipeline.weights import FILTERS, load_networks

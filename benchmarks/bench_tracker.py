@@ -21,8 +21,8 @@ import plain
 import torch
 from bench_pipeline import Watch, has_bfloat16, papers
 
+from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import timed_images
-from lmmap.files import tune_allocator
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
 from lmmap.recordings.formats import open_recording

@@ -22,8 +22,8 @@ import pandas as pd
 import plain
 import torch
 
+from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import images
-from lmmap.files import tune_allocator
 from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import faster_precision

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from lmmap.files import tune_allocator
+from lmmap.allocator import tune_allocator
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.weights import FILTERS, load_card, weight_path
 from lmmap.types import Camera, Port

@@ -19,7 +19,8 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from lmmap.files import has_mark, write_text
+from lmmap.files import write_text
+from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.bench import laboratory

@@ -7,6 +7,7 @@ parsed only if it is short and flat, and each value is checked for its type and 
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 from . import calibrations
 from .documents import check_fields, read_json
 from .files import InputError as InputError
-from .files import atomic, read_text
+from .files import read_text, write_text
 
 MAX_BYTES = 2**20  # of a calibration; Kalibr's longest have some kilobytes
 
@@ -79,7 +80,7 @@ def camera_of(camera: dict, cls) -> dict:
 def split_name(path) -> tuple[Path, str]:
     """The file and the camera of ``FILE:NAME``; the name is empty where ``FILE`` is all."""
     file, colon, name = str(path).rpartition(":")
-    return (Path(file), name) if colon and file and not Path(path).exists() else (Path(path), "")
+    return (Path(file), name) if colon and file and not os.path.exists(path) else (Path(path), "")
 
 
 def read_port(path, cls) -> dict:
@@ -90,8 +91,7 @@ def read_port(path, cls) -> dict:
 def write_fields(path, instance) -> None:
     """Write a dataclass as JSON."""
     values = {f.name: getattr(instance, f.name) for f in fields(instance)}
-    with atomic(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=1) + "\n")
+    write_text(path, json.dumps(values, indent=1) + "\n")
 
 
 def _read(path, cls, schema: dict, what: str, expected: str, parse) -> dict:

@@ -1,31 +1,23 @@
-"""Files: refused unless regular and of a declared size, written whole or not at all, and marked for resuming.
-
-A mark is a short text that says what a result was made of.  A result is kept for as long as its mark is that
-of what would make it now.
-"""
+"""Files: refused unless regular and of a declared size, and written whole or not at all."""
 
 from __future__ import annotations
 
-import ctypes
 import os
 import shutil
 import stat
-import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # options of mallopt, from malloc.h
+from .disk import is_special, lock, open_special, part_of, temporary, writes
+from .errors import InputError
 
+__all__ = [
+    "CAMERA", "InputError", "atomic", "beside", "check_folder_of", "check_output", "is_special", "lock",
+    "open_special", "read_text", "regular_file", "temporary", "write_text", "writes",
+]  # fmt: skip
 CAMERA = "camera.json"  # the calibration that a folder of bags shares
-
-
-class InputError(Exception):
-    """Bad input from outside: the message names the file, the problem and the remedy."""
-
-    def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the message alone, as on the command line."""
-        return [f"InputError: {self}"]
 
 
 def regular_file(path, max_bytes: int | None = None) -> Path:
@@ -59,45 +51,52 @@ def read_text(path, max_bytes: int) -> str:
 
 
 @contextmanager
-def atomic(path) -> Iterator[Path]:
-    """A temporary path beside ``path`` for a file or a folder, renamed to ``path`` when the block succeeds.
+def atomic(path, keep: bool = False) -> Iterator[Path]:
+    """A temporary path for a file or a folder, which becomes ``path`` when the block succeeds.
 
-    After any error nothing remains of it.  Folders above ``path`` have to be there.
+    After an error what was at ``path`` is still there, and nothing remains of the new one.  Where ``path`` is
+    a link, the file that it names is replaced; a device or a pipe is written to when the block succeeds.
+    Folders above ``path`` have to be there.
+
+    Parameters
+    ----------
+    keep
+        After an error other than the disk's, keep the new file if there was no old one.
 
     Raises
     ------
     InputError
         In place of an `OSError`, such as a full disk or a missing permission.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot write ({error.strerror or error}); choose a folder with room that you may write"
-        ) from None
-    finally:
-        if temporary.is_dir():
-            shutil.rmtree(temporary, ignore_errors=True)
-        with suppress(OSError):  # where the folder itself is missing, nothing was written
-            temporary.unlink(missing_ok=True)
+    with writes(path), ExitStack() as held:
+        if is_special(path):
+            sink = held.enter_context(open_special(path))
+            part = Path(held.enter_context(TemporaryDirectory()), Path(path).name)
+            yield part
+            with part.open("rb") as whole:
+                shutil.copyfileobj(whole, sink)
+            return
+        target = Path(os.path.realpath(path))
+        part = held.enter_context(temporary(target))
+        try:
+            yield part
+        except OSError:
+            raise
+        except BaseException:
+            if keep and part.exists() and not target.exists():
+                os.replace(part, target)
+            raise
+        os.replace(part, target)
 
 
 def write_text(path, text: str) -> Path:
     """Write a text file, whole or not at all, and make its folder where it is missing."""
     path = Path(path)
-    with atomic(path) as temporary:
+    with writes(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text)
+    with atomic(path) as part:
+        part.write_text(text, encoding="utf-8")
     return path
-
-
-def has_mark(path, mark: str) -> bool:
-    """Whether the file of a mark is there and holds this one."""
-    path = Path(path)
-    return path.exists() and path.read_text() == mark
 
 
 def check_folder_of(path) -> None:
@@ -117,76 +116,25 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
     """
     check_folder_of(path)
     path = Path(path)
-    folder = path.parent
-    if path.is_dir():
+    folder, there = path.parent, os.path.exists(path)
+    if os.path.isdir(path):
         raise InputError(f"{path}: is a folder; give the name of a file")
-    if not os.access(path if path.exists() else folder, os.W_OK):
+    if not os.access(path if there else folder, os.W_OK):
         raise InputError(f"{path}: cannot write there; choose a folder that you may write")
-    if not path.exists() or not path.is_file():  # what is written to a device replaces nothing
+    if is_special(path):
         return path
-    for source in filter(None, inputs):
-        source = Path(source)
-        if source.exists() and (path.samefile(source) or (source.is_dir() and folder.samefile(source))):
+    with writes(path), suppress(FileNotFoundError):
+        os.lstat(part_of(path))  # a name that is too long
+    for source in map(Path, filter(None, inputs)):
+        within = os.path.isdir(source) and there and folder.samefile(source)
+        if within or os.path.realpath(path) == os.path.realpath(source):
             raise InputError(f"{path}: is also read as {source}; give the output another name")
-    if not overwrite:
+    if there and not overwrite:
         raise InputError(f"{path}: exists; give another name, or --overwrite to replace it")
     return path
-
-
-@contextmanager
-def lock(path) -> Iterator[None]:
-    """Keep other processes from writing to ``path``; the system frees it when the process ends, however.
-
-    Raises
-    ------
-    InputError
-        If another process holds it.
-    """
-    try:
-        import fcntl
-    except ImportError:  # Windows has no such locks
-        yield
-        return
-    path = Path(path)
-    name = path.with_name(f".{path.name}.lock")
-    while True:
-        try:
-            descriptor = os.open(name, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot write there ({error.strerror}); choose a folder that you may write"
-            ) from None
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(descriptor)
-            raise InputError(f"{path}: another process writes it; wait, or give another name") from None
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(descriptor), os.stat(name)):
-                break
-        os.close(descriptor)  # its last owner removed it in between
-    try:
-        yield
-    finally:
-        with suppress(OSError):
-            os.unlink(name)
-        os.close(descriptor)
 
 
 def beside(path, name: str) -> Path | None:
     """A file that serves a folder of bags: in a bag's folder, or in the one above."""
     folder = Path(path).resolve().parent
-    return next((p / name for p in (folder, folder.parent) if (p / name).exists()), None)
-
-
-def tune_allocator() -> None:
-    """Have glibc keep the networks' large buffers for the rest of this process; the command and the study
-    call it when they start.
-
-    Given back at each free and faulted in anew page by page, the buffers cost a fifth of the time.  Other
-    allocators are left as they are.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt:
-        for option, size in ((M_MMAP_THRESHOLD, 64 << 20), (M_TRIM_THRESHOLD, 256 << 20)):
-            mallopt(option, size)
+    return next((p / name for p in (folder, folder.parent) if os.path.exists(p / name)), None)

@@ -165,6 +165,7 @@ def _add_estimation(commands: Commands, command, required: bool, fused: bool = F
     text = "events in a histogram (default: 0.39 for each pixel)"
     command.add_argument("--events", type=int, metavar="N", help=text)
     text = f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)"
-    command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    networks = command.add_mutually_exclusive_group()
+    networks.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
     text = "mask networks of your own, in files named as those of lmmap"
-    command.add_argument("--weights", metavar="FOLDER", help=text)
+    networks.add_argument("--weights", metavar="FOLDER", help=text)

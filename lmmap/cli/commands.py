@@ -33,6 +33,39 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _Once(argparse._StoreAction):
+    """Store an option's value, and its name in ``given``; refuse a second value, which would replace it."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        given = getattr(namespace, "given", frozenset())
+        if option_string and self.dest in given:
+            raise argparse.ArgumentError(self, "is given twice; give it once")
+        if option_string:
+            namespace.given = given | {self.dest}
+        super().__call__(parser, namespace, values, option_string)
+
+
+def _text(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; give a value")
+    return text
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that takes each option once and no empty value; a mistake is one line."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        for name in (None, "store"):
+            self.register("action", name, _Once)
+        self.register("type", None, _text)
+        self.register("type", Path, lambda text: Path(_text(text)))
+
+    def error(self, message: str):
+        """Print what is wrong, and exit."""
+        self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")
+
+
 class _Listing(argparse.RawDescriptionHelpFormatter):
     """Help that lists the subcommands under headings."""
 
@@ -51,7 +84,7 @@ class Commands:
 
     def __init__(self, complete_files=None):
         self.complete_files, self._heading = complete_files, OWN
-        self.parser = argparse.ArgumentParser(
+        self.parser = Parser(
             "lmmap",
             description="Pose of the LM-MAP docking port from an RGB or event camera.",
             epilog=EXAMPLES,
@@ -70,7 +103,7 @@ class Commands:
             name, help=text, description=description, epilog=examples, formatter_class=form, **options
         )
         command.heading = self._heading
-        command.set_defaults(run=run)
+        command.set_defaults(run=run, given=frozenset())
         return command
 
     def add_installed(self) -> None:

@@ -30,8 +30,22 @@ def open_input(a, **options) -> Stream:
 
 def flips_of(a) -> dict[str, str]:
     """How each camera's images are flipped."""
-    asked = [flip.rpartition(":") for flip in getattr(a, "flip", None) or ()]
-    return {m: flip for camera, _, flip in asked for m in MODALITIES if camera in ("", m)}
+    flips = {}
+    for asked in getattr(a, "flip", None) or ():
+        camera, _, flip = asked.rpartition(":")
+        for m in (camera,) if camera else MODALITIES:
+            if m in flips:
+                text = f"{m} images have the flip {flips[m]} already"
+                raise InputError(f"--flip {asked}: {text}; give one for each camera, 180 for x and y")
+            flips[m] = flip
+    return flips
+
+
+def leave_out(a, why: str, *names: str) -> None:
+    """`InputError` for options that were given, and that what is asked for does not use."""
+    for name in names:
+        if name in a.given or getattr(a, name) is True:
+            raise InputError(f"--{name.replace('_', '-')}: {why}; leave it out")
 
 
 def as_read(a) -> dict:

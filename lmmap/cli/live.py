@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,16 @@ from ..recordings.webcam import Webcam
 from ..tracking.tracker import Tracker
 from ..types import Camera, Estimate, InputError, Pose
 from . import plugins
-from .inputs import check_between, flips_of, input_files, make_estimator, no_images, open_input, pose_bag
+from .inputs import (
+    check_between,
+    flips_of,
+    input_files,
+    leave_out,
+    make_estimator,
+    no_images,
+    open_input,
+    pose_bag,
+)
 from .progress import add_colour, status_colour, summary
 
 
@@ -30,6 +40,10 @@ def live(a) -> None:
     """Poses as images come, and between them by events."""
     if a.between is not None:
         check_between(a)
+    if a.seconds is not None and not 0 < a.seconds < 1e9:
+        raise InputError(f"--seconds {a.seconds:g}: give how long to go on, over 0 s, or leave it out")
+    if not isinstance(a.recording, Path):
+        leave_out(a, "tells how a recording is read, and none is named", "fps", "time_unit", "stream")
     if a.output:
         check_output(a.output, input_files(a), overwrite=a.overwrite)
     device, camera, stream = _open(a)

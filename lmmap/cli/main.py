@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
-from ..files import InputError, tune_allocator
+from ..allocator import tune_allocator
+from ..files import InputError
 from .arguments import parser
 from .plugins import call
 
@@ -16,6 +17,34 @@ MAX_LETTERS = 2000  # of a message; ours have some hundred, beside the path
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
+    closed = sys.stdout is None  # files that are opened next would else take its descriptor
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    try:
+        try:
+            if closed:
+                raise InputError("stdout: is closed, so nothing can be told; send it to a file or /dev/null")
+            return _run(argv)
+        finally:
+            sys.stdout.flush()
+    except InputError as error:
+        return _fail(_one_line(error))
+    except MemoryError:
+        return _fail("not enough memory; end other programs, or give a smaller recording")
+    except KeyboardInterrupt as interrupt:
+        print("; ".join(["lmmap: interrupted", *map(str, interrupt.args)]), file=sys.stderr)
+        return 130
+    except OSError as error:
+        if error.filename is not None:
+            return _fail(f"{error.filename}: {error.strerror}; check its path and its permissions")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to print is lost
+        if isinstance(error, BrokenPipeError):  # the program that reads our output, such as head, has enough
+            return 0
+        return _fail(f"stdout: cannot write ({error.strerror}); send it to a file on a disk with room")
+
+
+def _run(argv: list[str] | None) -> int:
     arguments = parser().parse_args(argv)
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError):  # names of files that are not UTF-8 are printed escaped
@@ -25,22 +54,14 @@ def main(argv: list[str] | None = None) -> int:
     # numba's coloured errors have an escape sequence printed at exit
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     tune_allocator()
-    try:
-        with warnings.catch_warnings():
-            _print_notes()
-            call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
-    except InputError as error:
-        print(f"lmmap: {_one_line(error)}", file=sys.stderr)
-        return 1
-    except MemoryError:
-        print("lmmap: not enough memory; end other programs, or give a smaller recording", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt as interrupt:
-        print("; ".join(["lmmap: interrupted", *map(str, interrupt.args)]), file=sys.stderr)
-        return 130
-    except BrokenPipeError:  # the program that reads our output, such as head, has enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with _notes():
+        call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
     return 0
+
+
+def _fail(message: str) -> int:
+    print(f"lmmap: {message}", file=sys.stderr)
+    return 1
 
 
 def _one_line(error: InputError) -> str:
@@ -49,16 +70,34 @@ def _one_line(error: InputError) -> str:
     return " ".join(str(error).splitlines())[:MAX_LETTERS]
 
 
-def _print_notes() -> None:
-    """Print each of our warnings once and in one line, and none of the libraries' others."""
-    printed = set()
+@contextmanager
+def _notes():
+    """Print each of our warnings once and in one line, and none of the libraries' others.
+
+    On a terminal they come at once, else when the command has ended; an error stands alone, in one line.
+    """
+    waiting, known = [], set()
+
+    def tell() -> None:
+        while waiting:
+            print(f"lmmap: note: {waiting.pop(0)}", file=sys.stderr)
 
     def show(message, *_):
-        lines = str(message).strip().splitlines() or [""]
-        if lines[0] not in printed:
-            printed.add(lines[0])
-            print(f"lmmap: note: {lines[0][:MAX_LETTERS]}", file=sys.stderr)
+        line = (str(message).strip().splitlines() or [""])[0][:MAX_LETTERS]
+        if line not in known:
+            known.add(line)
+            waiting.append(line)
+        if sys.stderr.isatty():
+            tell()
 
-    warnings.simplefilter("ignore")
-    warnings.simplefilter("always", UserWarning)
-    warnings.showwarning = show
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = show
+        try:
+            yield
+        except (InputError, MemoryError):
+            waiting.clear()
+            raise
+        finally:
+            tell()

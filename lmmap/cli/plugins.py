@@ -35,9 +35,9 @@ def call(what: str, function: str, *arguments):
             return found(*arguments)
         missing = function  # of another version, whose entry point is still there
     except ModuleNotFoundError as error:
-        if module.startswith("lmmap.") or "." in error.name:  # a mistake of ours
+        missing = error.name or function  # whoever raised it need not name a module
+        if module.startswith("lmmap.") or "." in (error.name or ""):  # a mistake of ours
             raise
-        missing = error.name
     raise NotInstalled(f"{what}: needs {missing}, which is not installed; {INSTALL}")
 
 

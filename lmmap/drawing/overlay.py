@@ -145,8 +145,8 @@ class Overlay:
         self.video.__enter__()
         return self
 
-    def __exit__(self, error, *_):
+    def __exit__(self, *error):
         only = self._first is not None and self._rate_hz is None
-        if only and not (error and self.video.goes_on):  # a second picture may yet tell the rate
+        if only and not (error[0] and self.video.goes_on):  # a second picture may yet tell the rate
             self._write(self._first[1])
-        self.video.__exit__(error)
+        self.video.__exit__(*error)

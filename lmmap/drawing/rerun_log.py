@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..files import check_folder_of
+from ..files import atomic, check_folder_of
 from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project
 from ..settings import OURS
@@ -41,6 +42,7 @@ class RerunLog:
             raise InputError(f"{path}: cannot write '{path.suffix}'; name the file for Rerun .rrd")
         check_folder_of(path)
         self.path, self.camera, self._rr, self._log = path, camera, _rerun(), None
+        self._held = ExitStack()
         ring_m = circle_points_m(port.ring_radius_m)
         self._outline_m = [np.vstack([line, line[:1]]) for line in (ring_m, *port.marker_corners_m())]
 
@@ -86,13 +88,14 @@ class RerunLog:
 
     def __enter__(self):
         self._log = self._rr.RecordingStream("lmmap")
-        self._log.save(str(self.path))
+        self._log.save(str(self._held.enter_context(atomic(self.path, keep=True))))
         self._log.log("camera", self._rr.ViewCoordinates.RDF, static=True)
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *error):
         self._log.flush()
         self._log.disconnect()
+        self._held.__exit__(*error)
 
 
 def ellipsoid(covariance) -> tuple[np.ndarray, np.ndarray]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
+import errno
 import os
-import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..files import atomic, check_folder_of, lock, write_text
-from ..recordings.journal import check_mark
+from ..files import atomic, check_folder_of, lock, writes
+from ..marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
 from ..types import InputError
 
 CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's wheels have no H.264
@@ -31,7 +31,7 @@ class Video:
     made_of
         What the pictures depend on, as JSON, for a video that can be resumed.  Its segments are kept in the
         folder ``NAME.parts`` until they are joined, which needs no second encoding.  None: an error ends the
-        video after its last picture.
+        video after its last picture, or leaves the older one.
     resume
         Go on with the segments that are there: ``kept`` is the number of their pictures.
 
@@ -61,6 +61,8 @@ class Video:
     def add(self, picture: np.ndarray, rate_hz: float) -> None:
         """Write the next picture (H, W, 3) u8 RGB; the first one sets size and rate."""
         if self._writer is None:
+            if not self.goes_on:
+                self._begun = self._held.enter_context(atomic(self.path, keep=True))
             self._writer = _writer(self._begun, rate_hz, picture.shape[1::-1])
         self._writer.write(picture[..., ::-1])
         self._pictures += 1
@@ -82,32 +84,35 @@ class Video:
         if segments:
             with atomic(self.path) as temporary:
                 join(segments, temporary)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove_folder(self.folder)
 
     def __enter__(self):
+        self._held.enter_context(writes(self.path))
         if not self.goes_on:
             return self
         self._held.enter_context(lock(self.path))
         try:
-            mark = self.folder / "made-of"
             if self._resume and self.folder.exists():
-                check_mark(self.folder, mark, self._made_of)
-            elif self.folder.exists() and not mark.is_file():
-                raise InputError(f"{self.folder}: is not of an interrupted video; give another name")
+                check_own(self.folder)
+                check_mark(self.folder, self.folder / MARK, self._made_of)
             else:
-                shutil.rmtree(self.folder, ignore_errors=True)
-                write_text(mark, json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
+                begin_folder(self.folder, as_mark(self._made_of))
         except BaseException:
             self._held.close()
             raise
         self.kept = sum(_count(segment) for segment in self._segments)
         return self
 
-    def __exit__(self, error, *_):
-        with self._held:
+    def __exit__(self, *error):
+        try:
             self._end_segment()
-            if self.goes_on and error is None:
+            if self.goes_on and error[0] is None:
                 self._join()
+        except Exception:
+            error = sys.exc_info()
+            raise
+        finally:
+            self._held.__exit__(*error)
 
 
 def join(segments: list[Path], path: Path) -> None:
@@ -137,9 +142,9 @@ def _count(segment: Path) -> int:
 
 
 def _check_count(path: Path, count: int) -> None:
-    """`InputError` unless a written video holds so many pictures; OpenCV is silent on a full disk."""
+    """`OSError` unless a written video holds so many pictures; OpenCV is silent on a full disk."""
     if cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) != count:
-        raise InputError(f"{path}: cannot write all pictures; choose a folder with room")
+        raise OSError(errno.ENOSPC, "not all pictures")
 
 
 def _writer(path: Path, rate_hz: float, size_px: tuple, options=()) -> cv2.VideoWriter:

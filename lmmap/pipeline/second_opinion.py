@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
 
 from ..settings import Settings
-from ..types import Estimate, Port
+from ..types import Estimate, InputError, Port
 from . import agreement
 from .estimator import Estimator
 from .image_estimator import Weights
 from .inputs import AnyCamera
 from .masks import Expected
-from .weights import DOMAIN_GAPS, network_paths
+from .weights import DOMAIN_GAPS, load_card, network_paths
 
 BEFORE = "before"  # folder of the networks from before, in one of networks that have learned
 
@@ -79,8 +80,16 @@ def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:
 
 
 def before(weights: Weights, modality: str) -> Path | None:
-    """The folder of the networks from before that those of this modality keep, if they have learned."""
+    """The folder of the networks from before that those of this modality keep, if they have learned.
+
+    Raises `InputError` where the cards of this modality say that they have, and the folder has none.
+    """
     if not isinstance(weights, str | Path) or weights in DOMAIN_GAPS:
         return None
     folder = Path(weights) / BEFORE
-    return folder if any(path.exists() for path in network_paths(folder, modality)) else None
+    if any(os.path.exists(path) for path in network_paths(folder, modality)):
+        return folder
+    for path in network_paths(weights, modality):
+        if os.path.exists(path.with_suffix(".json")) and load_card(path).get("adapted"):
+            raise InputError(f"{folder}: no networks from before, on which {path.name} relies; restore them")
+    return None

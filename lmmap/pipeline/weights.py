@@ -45,7 +45,10 @@ def load_card(path) -> dict:
     """The model card beside a weight file."""
     path = Path(path).with_suffix(".json")
     try:
-        return json.loads(read_text(path, MAX_CARD_BYTES))
+        card = json.loads(read_text(path, MAX_CARD_BYTES))
+        if not isinstance(card, dict):
+            raise ValueError("it is no object")
+        return card
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a model card ({str(error)[:100]}); restore it") from None
 
@@ -71,7 +74,7 @@ def load_filter(path, modality: str) -> FilterNet:
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
         card = load_card(path)
-        if not isinstance(card, dict) or not isinstance(card.get("sha256"), str):
+        if not isinstance(card.get("sha256"), str):
             raise ValueError("its card states no hash")
         expected = card["sha256"]
         actual = hashlib.sha256(path.read_bytes()).hexdigest()

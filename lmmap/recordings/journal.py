@@ -5,11 +5,11 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import json
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from ..files import atomic, check_output, lock
+from ..files import atomic, check_output, is_special, lock, open_special
+from ..marks import as_mark, check_mark
 from ..types import Estimate, InputError, Status
 from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
 
@@ -123,23 +123,22 @@ class Journal:
             self._file.seek(self._whole)
             return
         head = ",".join(COLUMNS) + "\n" if self.format == "csv" else ""
-        if self.path.exists() and not self.path.is_file():  # a device
-            self._file = self.path.open("w", newline="")
+        if is_special(self.path):
+            self._file = io.TextIOWrapper(open_special(self.path), newline="")
             self._file.write(head)
             return
         # on a full disk what was there stays; and a mark never stands beside another run's lines
         with ExitStack() as written:
             if self._made_of is not None:
                 mark = written.enter_context(atomic(self.mark))
-                mark.write_text(json.dumps(self._made_of, indent=1, sort_keys=True) + "\n")
+                mark.write_text(as_mark(self._made_of))
             with atomic(self.path) as lines:
                 lines.write_text(head)
                 self.mark.unlink(missing_ok=True)
         self._file = self.path.open("a", newline="")
 
     def __enter__(self):
-        if not self.path.exists() or self.path.is_file():
-            self._held.enter_context(lock(self.path))
+        self._held.enter_context(lock(self.path))
         try:
             if self._resume and self.path.is_file():
                 self._read()
@@ -154,25 +153,6 @@ class Journal:
             with suppress(OSError):  # said when it was written
                 self._file.close()
         self._held.close()
-
-
-def check_mark(path: Path, mark: Path, made_of: dict) -> None:
-    """`InputError` unless the file of a mark says that an unfinished output was made of the same."""
-    try:
-        before = json.loads(mark.read_text())
-    except (OSError, ValueError):
-        raise InputError(
-            f"{path}: nothing beside it says what it was made of ({mark.name}), so "
-            "it cannot be resumed; give another name, or --overwrite to replace it"
-        ) from None
-    now = json.loads(json.dumps(made_of))
-    if not isinstance(before, dict) or before != now:
-        keys = sorted(set(now) | set(before)) if isinstance(before, dict) else []
-        differing = [key for key in keys if before.get(key) != now.get(key)]
-        raise InputError(
-            f"{path}: was made with another {' and '.join(differing) or 'version'}; resume with the "
-            "same recording and settings, or give another name"
-        )
 
 
 def recording_mark(path) -> dict:

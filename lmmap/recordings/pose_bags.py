@@ -6,14 +6,12 @@ import os
 import re
 import sys
 from contextlib import ExitStack
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..files import atomic, check_output, lock
+from ..files import atomic, check_output, lock, temporary
 from ..types import Estimate, InputError, Status
 
 TOPICS = {"/port_pose": "geometry_msgs/msg/PoseWithCovarianceStamped", "/tf": "tf2_msgs/msg/TFMessage"}
@@ -27,7 +25,7 @@ class PoseBag:
 
     Use it in a ``with`` block in place of a `Journal`.  Of each estimate that is ``ok``, ``/port_pose`` has
     the pose with its covariance and ``/tf`` the transform, at the estimate's time.  A bag ends in an index,
-    so the file has its name only when the block has ended, whatever ended it.
+    so the file has its name only when the block has ended; after an error, only if there was no older one.
 
     Parameters
     ----------
@@ -66,14 +64,14 @@ class PoseBag:
             raise
 
     def _open(self) -> None:
-        part = self._held.enter_context(atomic(self.path))
+        part = self._held.enter_context(atomic(self.path, keep=True))
         if self._kind == ".bag":
             self._bag = rosbag1.Writer(part)
         else:  # rosbags makes a folder of this name, and the file in it
-            folder = self._held.enter_context(TemporaryDirectory(prefix=".", dir=self.path.parent))
-            name, plugin = self.path.stem, rosbag2.StoragePlugin.MCAP
-            self._bag = rosbag2.Writer(Path(folder, name), version=9, storage_plugin=plugin)
-            self._held.callback(os.replace, Path(folder, name, f"{name}.mcap"), part)
+            above, name = self._held.enter_context(temporary(part)), self.path.stem  # which the file repeats
+            above.mkdir()
+            self._bag = rosbag2.Writer(above / name, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            self._held.callback(os.replace, above / name / f"{name}.mcap", part)
         self._bag.open()
         self._held.callback(self._bag.close)
         store = STORES[self._kind]
@@ -95,8 +93,8 @@ class PoseBag:
         self._held.enter_context(lock(self.path))
         return self
 
-    def __exit__(self, *_):
-        self._held.close()
+    def __exit__(self, *error):
+        self._held.__exit__(*error)
 
 
 def messages(e: Estimate, types: dict, frame_id: str, child_frame_id: str) -> tuple:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..camera_files import LENGTH_M, MAX_BYTES
 from ..documents import check_fields, read_json
-from ..files import beside, read_text
+from ..files import beside, read_text, write_text
 from ..types import InputError, Port, Pose
 from .limits import MAX_POSITION_M
 
@@ -44,11 +44,11 @@ class Rig:
         return scale_port(Port.lm_map(), self.ring_radius_m)
 
     def save(self, path) -> None:
-        """Write JSON; raises `OSError`."""
+        """Write JSON; raises `InputError`."""
         values = {"root": self.root, "tip": self.tip, "T_cam_root": _matrix(self.T_cam_root),
                   "T_tip_port": _matrix(self.T_tip_port), "ring_radius_m": self.ring_radius_m,
                   "delay_s": self.delay_s, "calibrated": self.calibration or {}}  # fmt: skip
-        Path(path).write_text(json.dumps(values, indent=1) + "\n")
+        write_text(path, json.dumps(values, indent=1) + "\n")
 
     @classmethod
     def load(cls, path) -> Rig:

@@ -6,34 +6,38 @@
 4. guard: the new networks are asked, where the old ones are not sure, only if they explain the part that was
    kept as well as those do.
 
-Work that is done lies in ``FOLDER/unfinished`` until all is; the same call then goes on from there.
+Work that is done lies in ``FOLDER.unfinished`` until all is; the same call then goes on from there.  A folder
+that has its name is whole.
 """
 
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
+from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import timed_images
-from lmmap.files import tune_allocator, write_text
+from lmmap.files import atomic, lock, writes
+from lmmap.marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
-from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of, weight_hashes
-from lmmap.pipeline.weights import FILTERS, load_card, network_paths, save_weights, weight_path
-from lmmap.recordings.journal import Journal, recording_mark
+from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of
+from lmmap.pipeline.weights import FILTERS, network_paths
+from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import round_trip
-from lmmap.recordings.stream import Stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import AnyRecording, InputError, Port
 
+from ..training.recipe import Recipe
 from . import learning, self_labels
+from .folder import Outcome, copy_networks, finished, made_of, write_made_of, write_networks
 from .guard import Guard
 from .self_labels import Look
 from .smooth_track import SmoothTrack
@@ -41,26 +45,7 @@ from .smooth_track import SmoothTrack
 LOOKS, LOOKS_A_SECOND, MOST_LOOKS = 120, 2.5, 600  # of each camera: at least, of long recordings, at most
 PIECES, GUARDED = 8, (2, 6)  # of a recording, and which of them teach nothing
 ENOUGH = 0.05  # share of images that may lack a sure pose, with nothing to learn
-MADE_OF, UNFINISHED = "made-of.json", "unfinished"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of one camera's networks.
-
-    Attributes
-    ----------
-    taken
-        Whether new ones are written, or those that were there before.
-    why
-        Why, in a line.
-    facts
-        What their cards say of labels and guard; ``min_confidence`` is the limit of new ones.
-    """
-
-    taken: bool
-    why: str
-    facts: dict = field(default_factory=dict)
+UNFINISHED = ".unfinished"  # how the name of the folder of unfinished work ends
 
 
 def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIES, weights=OURS.weights,
@@ -85,79 +70,58 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     Raises
     ------
     InputError
-        For a recording without images, or a folder that holds networks made of something else.
+        For a recording without images, and for a folder that holds anything but the networks of this call.
     """
-    folder = Path(folder)
+    folder = Path(os.path.realpath(folder))
     estimators = {m: estimator_of(recording.camera, port, m, weights) for m in modalities}
+    recipes = {m: _recipes(e, steps, seed, recording.name) for m, e in estimators.items()}
     facts = made_of(recording, estimators, weights, seconds, steps, seed)
-    if (done := folder / MADE_OF).exists():
-        return _outcomes(done, facts)
-    unfinished = folder / UNFINISHED
-    try:
-        unfinished.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot write ({error.strerror}); give another folder") from None
-    tune_allocator()
-    looks = {m: list(looks_of(recording, e, seconds, unfinished, facts)) for m, e in estimators.items()}
-    if not any(looks.values()):
-        raise InputError(f"{recording.name}: holds no images of {' or '.join(modalities)}; try the other")
-    seen = [(m, look.estimate) for m, each in looks.items() for look in each]
-    track, outcomes = SmoothTrack(seen, estimators[modalities[0]].port.yaw_period_rad), {}
-    for m, estimator in estimators.items():
-        recipes = [learning.recipe_for(name, m, steps, seed, recording.name) for name in FILTERS]
-        old = [learning.network_of(path, m) for path in network_paths(weights, m)]
-        outcomes[m], nets = learn(recording, looks[m], track, estimator, old, recipes, unfinished)
-        report(f"{m}: {outcomes[m].why}")
-        # networks that go on learning keep the first ones
-        if first := before(weights, m) or (weights if outcomes[m].taken else None):
-            copy_networks(first, m, folder / BEFORE)
-        write_networks(folder, nets, recipes, outcomes[m], facts, network_paths(weights, m))
-    kept = {"made_of": facts, "outcomes": {m: asdict(o) for m, o in outcomes.items()}}
-    write_text(done, json.dumps(kept, indent=1) + "\n")
-    shutil.rmtree(unfinished)
+    with writes(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    with lock(folder):
+        unfinished = folder.with_name(folder.name + UNFINISHED)
+        check_own(unfinished)
+        outcomes = finished(folder, facts)
+        if outcomes is None:
+            if unfinished.exists():
+                check_mark(unfinished, unfinished / MARK, facts)
+            else:
+                begin_folder(unfinished, as_mark(facts))
+            outcomes = _adapt(recording, folder, unfinished, estimators, recipes, weights, facts, report)
+        remove_folder(unfinished)
     return outcomes
 
 
-def copy_networks(weights, modality: str, folder: Path) -> None:
-    """A camera's networks and their cards, into a folder of such."""
-    folder.mkdir(exist_ok=True)
-    for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
-        copy = folder / weight_path(name, modality, "low").name
-        shutil.copyfile(path, copy)
-        shutil.copyfile(path.with_suffix(".json"), copy.with_suffix(".json"))
+def _recipes(estimator: Estimator, steps: int, seed: int, recording: str) -> list[Recipe]:
+    """How an estimator's two networks learn, by crops that its images can hold."""
+    recipes = [learning.recipe_for(name, estimator.modality, steps, seed, recording) for name in FILTERS]
+    return [replace(r, crop_px=min(r.crop_px, *estimator.grid.size_px)) for r in recipes]
 
 
-def write_networks(folder: Path, nets: list[FilterNet], recipes, outcome: Outcome, facts: dict,
-                   old: Sequence[Path]) -> None:  # fmt: skip
-    """A camera's networks with their cards; ``old`` are the files of those from before."""
-    for recipe, net, path in zip(recipes, nets, old, strict=True):
-        card = {"recipe": asdict(recipe)} if outcome.taken else load_card(path)
-        card |= {"made_of": facts, "adapted": outcome.taken, "why": outcome.why, **outcome.facts}
-        save_weights(net, folder / weight_path(recipe.filter, recipe.modality, "low").name, card)
-
-
-def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
-    """All that the networks depend on, as JSON has it."""
-    first = next(iter(estimators.values()))
-    mark = recording_mark(recording.source.path) if isinstance(recording, Stream) else recording.name
-    base = {name: hashed for m in estimators for name, hashed in weight_hashes(weights, m).items()}
-    how = {"steps": steps, "seed": seed, "rate": learning.RATE, "learned": learning.LEARNED,
-           "labels": self_labels.MOST_LABELS}  # fmt: skip
-    facts = {"recording": mark, "seconds": seconds, "base": base, **how,
-             "camera": asdict(first.camera), "port": asdict(first.port),
-             "settings": asdict(first.settings)}  # fmt: skip
-    return json.loads(json.dumps(facts))
-
-
-def _outcomes(done: Path, facts: dict) -> dict[str, Outcome]:
-    """What a folder says that is finished; `InputError` if it was made of something else."""
-    try:
-        kept = json.loads(done.read_text())
-        if kept["made_of"] == facts:
-            return {m: Outcome(**outcome) for m, outcome in kept["outcomes"].items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        pass
-    raise InputError(f"{done.parent}: holds networks made of something else; give another folder")
+def _adapt(recording, folder: Path, unfinished: Path, estimators: dict, recipes: dict, weights, facts: dict,
+           report) -> dict[str, Outcome]:  # fmt: skip
+    """As `adapt`, in a folder that no other process writes, going on with what is unfinished."""
+    tune_allocator()
+    modalities, seconds = list(estimators), facts["seconds"]
+    looks = {m: list(looks_of(recording, e, seconds, unfinished, facts)) for m, e in estimators.items()}
+    if not any(looks.values()):
+        remove_folder(unfinished)
+        raise InputError(f"{recording.name}: holds no images of {' or '.join(modalities)}; try the other")
+    seen = [(m, look.estimate) for m, each in looks.items() for look in each]
+    track, outcomes, nets = SmoothTrack(seen, estimators[modalities[0]].port.yaw_period_rad), {}, {}
+    for m, estimator in estimators.items():
+        old = [learning.network_of(path, m) for path in network_paths(weights, m)]
+        outcomes[m], nets[m] = learn(recording, looks[m], track, estimator, old, recipes[m], unfinished)
+        report(f"{m}: {outcomes[m].why}")
+    with atomic(folder) as new:
+        new.mkdir()
+        for m in modalities:
+            # networks that go on learning keep the first ones
+            if first := before(weights, m) or (weights if outcomes[m].taken else None):
+                copy_networks(first, m, new / BEFORE)
+            write_networks(new, nets[m], recipes[m], outcomes[m], facts, network_paths(weights, m))
+        write_made_of(new, facts, outcomes)
+    return outcomes
 
 
 def looks_of(recording: AnyRecording, estimator: Estimator, seconds: float | None, unfinished: Path,

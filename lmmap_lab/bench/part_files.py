@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from lmmap.files import atomic, has_mark
-from lmmap.types import EVENT, Camera, InputError
+from lmmap.files import atomic
+from lmmap.marks import MARK, begin_folder, has_mark
+from lmmap.types import EVENT, Camera
 
 from .event_sensor import EventSensor
 from .hdf5_writer import new_file
-
-MARK = "made-of.txt"
 
 
 def join(part: dict[str, list], camera: Camera) -> dict[str, np.ndarray]:
@@ -35,16 +33,14 @@ def keep(folder: Path, index: int, part: dict) -> None:
 
 
 def resume(folder: Path | None, event_sensor: EventSensor, mark: str) -> list[dict]:
-    """The parts that an interrupted call of the same mark has finished; the sensor goes on from the last."""
+    """The parts that an interrupted call of the same mark has finished; the sensor goes on from the last.
+
+    Raises `InputError` for a folder that is not ours, or that cannot be written.
+    """
     if folder is None:
         return []
-    try:
-        if folder.exists() and not has_mark(folder / MARK, mark):
-            shutil.rmtree(folder)
-        folder.mkdir(exist_ok=True)
-        (folder / MARK).write_text(mark)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot write ({error.strerror}); choose another output folder") from None
+    if not has_mark(folder / MARK, mark):
+        begin_folder(folder, mark)
     finished = []
     for path in sorted(folder.glob("*.h5")):
         try:

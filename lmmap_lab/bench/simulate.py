@@ -5,12 +5,12 @@ An interrupted call goes on where it stopped.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import joblib
 
+from lmmap.marks import remove_folder
 from lmmap.types import Camera, InputError
 
 from . import sequences
@@ -26,7 +26,7 @@ def record(name: str, seconds: float, path, progress=None, camera: Camera | None
     parts = path.with_name(path.name + ".parts")
     recording = sequences.simulate(name, seconds, progress, camera=camera, parts=parts)
     write_recording(recording, path)
-    shutil.rmtree(parts)
+    remove_folder(parts)
     return len(recording.events), len(recording.frames)
 
 

@@ -17,8 +17,6 @@ from ..adaptation.adapt import adapt
 
 def run(a) -> None:
     """A folder of networks."""
-    if a.steps < 1:
-        raise InputError(f"--steps {a.steps}: a training has at least 1 step")
     outcomes = _adapt(a, a.output, a.seconds, steps=a.steps, seed=a.seed)
     if a.json:
         print(json.dumps({m: asdict(o) for m, o in outcomes.items()}))
@@ -31,13 +29,15 @@ def run(a) -> None:
 def for_estimate(a) -> Path:
     """Networks that learned the first part of a recording, in a folder beside the poses."""
     folder = a.output.with_suffix(".networks")
+    if folder == a.output:
+        raise InputError(f"{a.output}: so the folder of its networks is called; name the poses .csv")
     _adapt(a, folder, a.adapt)
     return folder
 
 
 def _adapt(a, folder: Path, seconds: float | None, **options):
     if seconds is not None and not 0 < seconds < 1e6:
-        raise InputError(f"{seconds:g} s: give the seconds of the recording to learn from, over 0")
+        raise InputError(f"{seconds:g} s: give how much of the recording to learn from, over 0 s")
     modalities = (a.modality,) if a.modality in MODALITIES else MODALITIES
     stream, weights = open_input(a), a.weights or network_set(a)
     return adapt(stream, folder, modalities, weights, find_port(a), seconds=seconds,

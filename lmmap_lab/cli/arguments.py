@@ -53,9 +53,10 @@ def adapt(commands: Commands) -> None:
     command.add_argument("--modality", choices=(*MODALITIES, "both"), default="both", help=text)
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
     text = f"set of mask networks to begin with (default: {DEFAULT_WEIGHTS})"
-    command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    networks = command.add_mutually_exclusive_group()
+    networks.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
     text = "mask networks of your own to begin with"
-    command.add_argument("--weights", metavar="FOLDER", help=text)
+    networks.add_argument("--weights", metavar="FOLDER", help=text)
     text = "learn from so much of the recording's beginning (default: all)"
     command.add_argument("--seconds", type=float, help=text)
     text = "of each network (default: %(default)s)"

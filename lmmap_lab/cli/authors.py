@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from lmmap.files import CAMERA, atomic, check_output
+from lmmap.files import CAMERA, check_output, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
@@ -93,8 +93,7 @@ def calibrate(a) -> None:
     known = hand_eye.T_frame_cam.inverse if hand_eye and not a.free else None
     rig = calibration.calibrate_rig(detections, port, _ends(a, a.bags[0], hand_eye), known)
     rig.calibration["recordings"] = [path.name for path in a.bags]
-    with atomic(output) as temporary:
-        rig.save(temporary)
+    rig.save(output)
     if a.json:
         print(output.read_text(), end="")
     else:
@@ -138,8 +137,7 @@ def calibrate_board(a) -> None:
         camera, facts = checkerboard.calibrate_intrinsics(frames, tuple(map(int, size.groups())), a.square)
     except ValueError as error:
         raise InputError(f"{a.bags[0]}: {error}; check --board, or record it nearer and longer") from None
-    with atomic(output) as temporary:
-        camera.save(temporary)
+    camera.save(output)
     text = f"{facts['views']} views, {facts['rms_px']:.2f} px left; fx known to {facts['sigma_px'][0]:.1f} px"
     print(json.dumps(facts) if a.json else f"{output}: {text}")
 
@@ -194,5 +192,5 @@ def reproduce(a) -> None:
     """The paper's studies on a folder of bags; ends with the table."""
     out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True), a.adapt)
     text = beside_paper.results_text(out, DERIVED_DATA / a.profile)
-    (out / "told.txt").write_text(text + "\n")
+    write_text(out / "told.txt", text + "\n")
     print(f"\n{text}")

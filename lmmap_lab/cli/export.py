@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 
 from lmmap.files import atomic, check_folder_of
 from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX
-from lmmap.pipeline.weights import FILTERS, load_filter, network_paths
+from lmmap.pipeline.second_opinion import BEFORE, before
+from lmmap.pipeline.weights import FILTERS, load_filter, network_paths, own_limit
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
 
+from ..adaptation.folder import MADE_OF, check_whole
 from ..training.onnx_graph import filter_model, onnx_package
 
 DOCUMENT = "lmmap.json"
+JOINED = (
+    "lmmap.pipeline.second_opinion:SecondOpinion: run the steps with the networks of 'before'. Without a "
+    "pose, or with one less confident than sure_confidence, run them with those of 'learned' as well. "
+    "Without a first pose, the second counts if its confidence reaches min_confidence of this entry. If "
+    "the two are alike (right_position_m, right_normal_rad, right_rotation_rad), they make each other "
+    "surer (look_independence). If not, a second pose below min_confidence of the settings is ignored; "
+    "else the more confident one counts, less sure by the other, from the min_confidence of its own "
+    "networks"
+)
 STEPS = {  # in their order, of one image; tests compare them with an estimator's
     "lmmap.pipeline.histograms:histogram": "events only: count the last N of them in each pixel, N = "
     "events_per_window for 346 x 260 px and as many a pixel for other sensors",
@@ -41,7 +54,7 @@ def export(a) -> None:
     check_folder_of(a.output)
     if a.output.exists():
         raise InputError(f"{a.output}: exists; give the name of a folder to make")
-    models = dict(_models(a.weights))
+    models = _models(a.weights)
     with atomic(a.output) as folder:
         folder.mkdir()
         for name, (content, _) in models.items():
@@ -51,16 +64,28 @@ def export(a) -> None:
     print(f"{a.output}: {', '.join(models)}, {DOCUMENT}")
 
 
-def _models(weights: str):
-    """``(file's name, (content, facts))`` of each network, of the cameras that the weights are for."""
-    cameras = [m for m in CHANNELS if network_paths(weights, m)[0].exists()]
-    for modality in cameras or CHANNELS:
-        for name, path in zip(FILTERS, network_paths(weights, modality), strict=True):
+def _models(weights: str) -> dict[str, tuple[bytes, dict]]:
+    """``(content, facts)`` of each network by its file's name, of the cameras that the weights are for."""
+    if os.path.lexists(Path(weights) / MADE_OF):
+        check_whole(Path(weights))
+    models = {}
+    for modality in _cameras(weights):
+        folders = {"": weights} | ({f"{BEFORE}-": first} if (first := before(weights, modality)) else {})
+        for (start, folder), (k, name) in product(folders.items(), enumerate(FILTERS)):
             facts = {"mask_threshold": OURS.mask_threshold, "trained_focal_px": OURS.trained_focal_px,
                      "weights": Path(weights).name}  # fmt: skip
-            model = filter_model(load_filter(path, modality), name, modality, facts)
+            net = load_filter(network_paths(folder, modality)[k], modality)
+            model = filter_model(net, name, modality, facts)
             told = {p.key: p.value for p in model.metadata_props}
-            yield f"{name}-{modality}.onnx", (model.SerializeToString(deterministic=True), told)
+            models[f"{start}{name}-{modality}.onnx"] = model.SerializeToString(deterministic=True), told
+    return models
+
+
+def _cameras(weights: str) -> list[str]:
+    """The cameras of which the weights hold a network or a card, or else all."""
+    there = [m for m in CHANNELS for path in network_paths(weights, m)
+             if os.path.exists(path) or os.path.exists(path.with_suffix(".json"))]  # fmt: skip
+    return list(dict.fromkeys(there)) or list(CHANNELS)
 
 
 def _document(weights: str, models: dict) -> dict:
@@ -69,9 +94,20 @@ def _document(weights: str, models: dict) -> dict:
         name: {"image": told["image"], "mask": told["mask"], "sha256": hashlib.sha256(content).hexdigest()}
         for name, (content, told) in models.items()
     }
+    limits, second = {}, {}
+    for m in _cameras(weights):
+        first, own = before(weights, m), max(OURS.min_confidence[m], own_limit(weights, m))
+        limits[m] = max(OURS.min_confidence[m], own_limit(first, m)) if first else own
+        if first:
+            names = [f"{name}-{m}.onnx" for name in FILTERS]
+            old = [f"{BEFORE}-{name}" for name in names]
+            second[m] = {BEFORE: old, "learned": names, "min_confidence": own, "joined": JOINED}
+    settings = replace(
+        OURS, weights=Path(weights).name, min_confidence=replace(OURS.min_confidence, **limits)
+    )
     return {
         "networks": networks, "stride_px": STRIDE_PX,
         "receptive_radius_px": RECEPTIVE_RADIUS_PX, "port": asdict(Port.lm_map()),
-        "settings": asdict(replace(OURS, weights=Path(weights).name)),
+        "settings": asdict(settings),
         "steps": [{"function": function, "does": text} for function, text in STEPS.items()],
-    }  # fmt: skip
+    } | ({"second_opinion": second} if second else {})  # fmt: skip

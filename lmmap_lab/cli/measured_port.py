@@ -7,7 +7,7 @@ import warnings
 from dataclasses import replace
 
 from lmmap.cli.inputs import input_files
-from lmmap.files import atomic, check_output
+from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.types import InputError, Port
 
@@ -40,8 +40,7 @@ def calibrate_port(a) -> None:
     fit, views = port_views.measure_port(
         replace(stream, name=str(path)), standard, a.modality, rate_hz=rate_hz, focal=a.focal
     )
-    with atomic(output) as temporary:
-        fit.port.save(temporary)
+    fit.port.save(output)
     focal_px = stream.camera.fx_px if a.focal else None
     if a.json:
         print(json.dumps(facts(fit, views, standard, focal_px), indent=1))

@@ -6,7 +6,6 @@ Of it only the camera is written, into a hand-eye file; the rest is for a calibr
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +13,10 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from lmmap.files import atomic
+from lmmap.files import atomic, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
+from lmmap.marks import remove_folder
 from lmmap.recordings.rig import Rig
 from lmmap.types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
 
@@ -100,12 +100,10 @@ def write_set(folder, seconds: float, report=print) -> None:
     Raises `InputError` if the folder cannot be written.
     """
     folder = Path(folder)
-    try:
+    with writes(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in (BOARD, *(name for name, _ in STAND_INS)):
             (folder / name).parent.mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot write ({error.strerror}); choose another folder") from None
     write_hand_eye(folder / authors_bags.HAND_EYE)
     board = folder / BOARD
     if not board.exists():
@@ -114,7 +112,7 @@ def write_set(folder, seconds: float, report=print) -> None:
         if not (folder / name).exists():
             parts = (folder / name).with_suffix(".parts")
             write_bag(sequences.simulate(stands_in, seconds, parts=parts), folder / name)
-            shutil.rmtree(parts)
+            remove_folder(parts)
         report(f"{folder / name}: {stands_in}, {(folder / name).stat().st_size / 1e6:.0f} MB")
 
 

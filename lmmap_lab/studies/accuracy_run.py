@@ -10,9 +10,11 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
+from lmmap.allocator import tune_allocator
 from lmmap.estimation.estimates import merge_by_time
 from lmmap.evaluation import error_table
-from lmmap.files import has_mark, tune_allocator, write_text
+from lmmap.files import write_text
+from lmmap.marks import has_mark
 from lmmap.pipeline.network import best_precision
 from lmmap.pipeline.weights import shipped_gaps
 from lmmap.recordings.pose_files import write_estimates

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from tqdm import tqdm
 
 from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import timed_images
-from lmmap.files import has_mark
+from lmmap.files import write_text, writes
+from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.recordings.formats import open_stream
@@ -115,14 +117,12 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
         If the folder cannot be written, or if what lies there has no mark: it is not ours to remove.
     """
     mark, mark_path = _mark(path.name, bag, *made_of), path.with_suffix(".made-of")
-    if path.exists() and not mark_path.exists():
+    if os.path.lexists(path) and not mark_path.exists():
         raise InputError(f"{path}: is not ours to replace; move it away, or give another output")
-    try:
-        if not has_mark(mark_path, mark):
+    if not has_mark(mark_path, mark):
+        with writes(path):
             path.unlink(missing_ok=True)
-            mark_path.write_text(mark)
-    except OSError as error:
-        raise InputError(f"{path}: cannot write ({error.strerror}); choose another place for it") from None
+        write_text(mark_path, mark)
     return path
 
 

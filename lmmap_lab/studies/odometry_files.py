@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from lmmap.files import atomic, temporary, writes
 from lmmap.pipeline.histograms import histogram, middle_us, windows_before
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_truth, write_trajectory
@@ -57,20 +57,15 @@ def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, in
         If the folder cannot be written.
     """
     folder = folder.resolve()
-    new = folder.with_name(f".{folder.name}.{os.getpid()}")
-    try:
+    with writes(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    with writes(folder), temporary(folder) as new:
         counts = _write_files(recording, new, bag)
         for path in [path for path in sorted(new.rglob("*")) if path.is_file()]:
             target = folder / path.relative_to(new)
             target.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(path, target)
-    except OSError as error:
-        reason = error.strerror or error
-        raise InputError(
-            f"{folder}: cannot write ({reason}); name a folder with room that you may write"
-        ) from None
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+            with atomic(target) as part:
+                os.replace(path, part)
     return counts
 
 

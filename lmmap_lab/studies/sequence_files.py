@@ -8,7 +8,8 @@ from pathlib import Path
 
 from lmmap.estimation.estimates import each_image, estimate
 from lmmap.estimation.images import timed_images
-from lmmap.files import has_mark, write_text
+from lmmap.files import write_text
+from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import best_precision

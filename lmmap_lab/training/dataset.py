@@ -145,8 +145,9 @@ def make_recording_samples(stream: Stream, label: str, folder: Path, port: Port,
 
 def write_samples(folder: Path, arrays: dict[str, np.ndarray], made_of: str = "") -> Path:
     """A folder of arrays, whole or not at all."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
     with atomic(folder) as temporary:
-        temporary.mkdir(parents=True)
+        temporary.mkdir()
         for name, values in arrays.items():
             np.save(temporary / f"{name}.npy", values)
         (temporary / "made_of").write_text(made_of)

@@ -45,6 +45,8 @@ class Recipe:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
         if self.steps < 1 or self.batch < 1:
             raise InputError(f"--steps {self.steps}: a training has at least 1 step")
+        if not 0 <= self.seed < 2**63:
+            raise InputError(f"--seed {self.seed}: give a whole number from 0 to 2^63 - 1")
 
     @classmethod
     def of_shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from lmmap.files import tune_allocator
+from lmmap.allocator import tune_allocator
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.pipeline.weights import load_card, save_weights, weight_path
 

@@ -203,13 +203,13 @@ def test_events_between_images_add_poses_and_leave_the_images_statuses(tmp_path,
 @pytest.mark.parametrize(
     ("extra", "said"),
     [
-        ((), "give --track"),
-        (("--track", "--format", "tum"), "cannot mark"),
-        (("--track", "--modality", "rgb"), "than rgb"),
+        (("--modality", "event"), "give --track"),
+        (("--modality", "event", "--track", "--format", "tum"), "cannot mark"),
+        (("--modality", "rgb", "--track"), "than rgb"),
     ],
 )
 def test_poses_between_images_need_a_track_by_events(tmp_path, capsys, extra, said):
-    argv = ("estimate", DRAWN, "--modality", "event", "--between", "100", "-o", tmp_path / "p.csv", *extra)
+    argv = ("estimate", DRAWN, "--between", "100", "-o", tmp_path / "p.csv", *extra)
     code, _, err = run(capsys, *argv)
     assert code == 1 and said in err and not list(tmp_path.iterdir())
 

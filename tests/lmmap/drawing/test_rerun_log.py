@@ -1,6 +1,7 @@
 """What Rerun is told of estimates, by a stand-in that writes down every call."""
 
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import drawn
@@ -34,7 +35,8 @@ class Recorder:
         return self
 
     def save(self, path):
-        self.path, self.t_us = path, None
+        self.path, self.t_us = Path(path), None
+        self.path.write_text("log")
 
     def set_time(self, timeline, duration):
         self.t_us = int(duration / np.timedelta64(1, "us"))
@@ -65,7 +67,7 @@ def test_each_estimate_is_logged_once_with_its_time_and_pose(tmp_path, rerun, ca
     argv = ["estimate", str(DRAWN), "--modality", "event", "--rate", "20", "-o", str(tmp_path / "p.csv")]
     assert main.main([*argv, "--rerun", str(tmp_path / "p.rrd")]) == 0
     estimates = read_estimates(tmp_path / "p.csv")
-    assert len(estimates) > 2 and rerun.closed == 1 and rerun.path == str(tmp_path / "p.rrd")
+    assert len(estimates) > 2 and rerun.closed == 1 and (tmp_path / "p.rrd").read_text() == "log"
     assert [t_us for t_us, _ in rerun.of("status")] == [e.t_us for e in estimates]
     assert [what.values[0] for _, what in rerun.of("status")] == [str(e.status) for e in estimates]
     assert [t_us for t_us, _ in rerun.of("camera/event/ring")] == [e.t_us for e in estimates]
@@ -112,6 +114,14 @@ def test_the_ellipsoid_is_the_covariances():
         half_m, xyzw = rerun_log.ellipsoid(root @ root.T)
         axes = rerun_log.Rotation.from_quat(xyzw).as_matrix()
         np.testing.assert_allclose(axes @ np.diag(half_m / rerun_log.SIGMAS) ** 2 @ axes.T, root @ root.T)
+
+
+def test_an_error_leaves_the_older_file(tmp_path, rerun):
+    path = tmp_path / "p.rrd"
+    path.write_text("old")
+    with pytest.raises(ValueError), rerun_log.RerunLog(path, Port.lm_map(), Camera.davis346()):
+        raise ValueError
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(("name", "said"), [("p.rrd", "pip install"), ("p.mp4", "name the file for Rerun")])
