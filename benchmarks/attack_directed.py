@@ -7,6 +7,7 @@ import os
 import sqlite3
 import struct
 import zlib
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -215,7 +216,7 @@ def _directed_ros2(files: dict, folder: Path) -> None:
     levels = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))
     (bag / "metadata.yaml").write_text("a0: &a0 [1]\n" + levels + "rosbag2_bagfile_information: *a9\n")
     files["computed.db3"] = folder / "computed.db3"
-    with sqlite3.connect(files["computed.db3"]) as database:
+    with closing(sqlite3.connect(files["computed.db3"])) as database:
         database.executescript(
             "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
             " offered_qos_profiles TEXT);"
