@@ -67,7 +67,8 @@ $(ORACLES): tests/oracles.txt $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c environment.txt -r tests/oracles.txt
 	@touch $@
 
-PYTEST = $(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
+# Each process of the tests computes in one thread, or two of them would wait for each other.
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n $(or $(JOBS),2) --dist worksteal
 
 test: test-lmmap  ## run the tests: the thin package's alone, then all others (JOBS=4: on four processes, else on two)
 	@$(PYTEST) --ignore tests/lmmap --ignore tests/robustness
