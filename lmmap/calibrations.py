@@ -6,8 +6,9 @@ A file has cameras by name: `cameras_in` finds them, `choose` picks one, `camera
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 
-from .documents import read_json, read_yaml, shown
+from .documents import read_json, read_xml, read_yaml, shown
 
 # keys in small letters without _, of: Kalibr, dv-processing, M3ED; Metavision
 SIZE = ("resolution", "imagesize", "imgsize")
@@ -33,22 +34,35 @@ COLMAP = {  # its models, and the parameters of each
     "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
 }  # fmt: skip
 NAMES_A_LENS = re.compile(
-    r"model|unit|fisheye|omni|lens|mirror|distort|(?<!re)projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff"
+    r"model|unit|fisheye|omni|lens|mirror|distort|(?<!re)projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff|crop"
 )
 NAMES = "fx_px", "fy_px", "cx_px", "cy_px"
 
 
-def is_foreign(document) -> bool:
-    """Whether a JSON document has another program's names, not those of `Camera`."""
-    names = {_word(key) for key in document} if isinstance(document, dict) else set()
-    return bool(names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names))
-
-
-def cameras_in(text: str, suffix: str) -> dict[str, dict]:
-    """The cameras that a file's text describes, by name, as the file has them; raises ValueError."""
+def read_document(text: str, suffix: str):
+    """What a calibration's text holds: JSON, XML and YAML differ in their first letter; raises ValueError."""
     if suffix == ".txt":
-        return _cameras_of_lines([line.split() for line in text.splitlines() if line[:1] not in ("#", "")])
-    document = _mapping(read_json(text) if suffix == ".json" else read_yaml(text), "the document")
+        lines = [line.split() for line in text.splitlines() if line[:1] not in ("#", "")]
+        return {"cameras": _cameras_of_lines(lines)}
+    if suffix == ".json":
+        return read_json(text)
+    first = text.lstrip()[:1]
+    if first == "{":
+        with suppress(ValueError):  # YAML may begin so, too
+            return read_json(text)
+    return (read_xml if first == "<" else read_yaml)(text)
+
+
+def is_ours(document, suffix: str) -> bool:
+    """Whether a document has the names of `Camera`; in JSON, no other program's."""
+    names = {_word(key) for key in document} if isinstance(document, dict) else set()
+    foreign = names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names)
+    return "fxpx" in names or (suffix == ".json" and not foreign)
+
+
+def cameras_in(document) -> dict[str, dict]:
+    """The cameras that a document describes, by name, as it has them; raises ValueError."""
+    document = _mapping(document, "the document")
     if "cameras" in document:  # dv-processing
         numbered = _mapping(document["cameras"], "cameras")
     else:
@@ -82,7 +96,8 @@ def _colmap(model: str, size: list[str], numbers: list[str]) -> dict:
 
 def choose(cameras: dict[str, dict], size_px=None, topics=()) -> tuple[str, list[str]]:
     """The camera of a recording's size and topics, and others that they fit as well."""
-    fitting = [n for n, c in cameras.items() if size_px is None or stated_size(c) in (None, (*size_px,))]
+    sizes = {n: (None, stated_size(c), (region(c, size_px) or ())[2:4]) for n, c in cameras.items()}
+    fitting = [n for n in cameras if size_px is None or sizes[n][1] is None or (*size_px,) in sizes[n]]
     fitting = fitting or list(cameras)
     topic = {n: str(cameras[n].get("rostopic", cameras[n].get("name", ""))) for n in fitting}
     places = {place for t in topics if (place := t.rpartition("/")[0])}
@@ -102,12 +117,48 @@ def camera_fields(camera: dict, size_px=None) -> dict:
     coefficients = _list(camera, COEFFICIENTS)
     expected = {EQUIDISTANT: "k1, k2, k3, k4", "none": ""}.get(model, "k1, k2, p1, p2, k3")
     most = len(expected.split())
-    if any(coefficients[most:]):
+    if not all(map(_is_zero, coefficients[most:])):
         raise ValueError(f"{len(coefficients)} distortion coefficients, expected {expected or 'none'}")
     values = {"width_px": width_px, "height_px": height_px} | dict(zip(NAMES, _pinhole(matrix), strict=True))
+    if part := region(camera, size_px):
+        values = _of_region(values, *part)
     if model == EQUIDISTANT:  # a fisheye without coefficients still is one
         return values | {"distortion": coefficients[:most] or [0.0] * 4, "distortion_model": model}
-    return values | {"distortion": coefficients[:most] if any(coefficients) else []}
+    return values | {"distortion": [] if all(map(_is_zero, coefficients)) else coefficients[:most]}
+
+
+def region(camera: dict, size_px=None) -> tuple | None:
+    """The part of the sensor that images of a size show: x, y, width and height, and how many columns and
+    rows are binned to one; None where it is the whole.  A CameraInfo's numbers are those of the whole sensor,
+    also where its width and height are the region's; zeros stand for all of it.  Raises ValueError."""
+    camera = _plain(camera)
+    roi, stated = _plain(_mapping(camera.get("roi") or {}, "roi")), stated_size(camera)
+    keys = ("xoffset", "yoffset", "width", "height")
+    numbers = [_whole(v or 0) for v in (*map(roi.get, keys), *map(camera.get, ("binningx", "binningy")))]
+    if not all(isinstance(n, int) and 0 <= n < 2**15 for n in numbers):
+        raise ValueError("roi and binning: expected whole numbers of pixels")
+    x, y, *region_px, columns, rows = numbers
+    if stated is None or not any((x, y, *region_px, columns > 1, rows > 1)):
+        return None
+    step = max(columns, 1), max(rows, 1)
+    seen_px = tuple((r or s) // n for r, s, n in zip(region_px, stated, step, strict=True))
+    whole = size_px and (*size_px,) != seen_px  # a region that these images do not know
+    return None if whole or (x, y, *step, seen_px) == (0, 0, 1, 1, stated) else (x, y, *seen_px, *step)
+
+
+def region_text(x: int, y: int, width_px: int, height_px: int, columns: int, rows: int) -> str:
+    """A region of interest in words."""
+    binned = f", {columns} x {rows} pixels binned to one" if columns * rows > 1 else ""
+    return f"of its region of interest at ({x}, {y}), {width_px} x {height_px} px{binned}"
+
+
+def _of_region(values: dict, x: int, y: int, width_px: int, height_px: int, columns: int, rows: int) -> dict:
+    """Fields of the whole sensor as those of a region, binned; the centre of n pixels lies between them."""
+    fx, fy, cx, cy = (values[name] for name in NAMES)
+    if not all(isinstance(v, float) for v in (fx, fy, cx, cy)):
+        return values  # and refused for that
+    numbers = fx / columns, fy / rows, (cx - x + 0.5) / columns - 0.5, (cy - y + 0.5) / rows - 0.5
+    return {"width_px": width_px, "height_px": height_px} | dict(zip(NAMES, numbers, strict=True))
 
 
 def odd(values: dict) -> str | None:
@@ -155,6 +206,8 @@ def _pinhole(matrix: list) -> list:
         raise ValueError(f"camera_matrix: expected 9 numbers, got {len(matrix)}")
     fx, skew, cx, below, fy, cy, *last = matrix
     if all(isinstance(v, float) for v in matrix):  # others are refused for that
+        if not any(matrix):
+            raise ValueError("camera_matrix: all zero, as of a camera that was not calibrated")
         if last != [0, 0, 1]:
             turned = "; it is transposed" if (cx, cy) == (0, 0) and any(last[:2]) else ""
             raise ValueError(f"camera_matrix: last row {last}, expected [0, 0, 1]{turned}")
@@ -186,16 +239,33 @@ def _mapping(value, name: str) -> dict:
 
 def _list(camera: dict, keys, needed: str | None = None) -> list:
     """Numbers of a list, of lists by rows, or of a matrix as OpenCV and ROS write it; none of nothing."""
-    key = next((key for key in ([keys] if isinstance(keys, str) else keys) if key in camera), None)
-    if key is None and needed:
-        raise ValueError(f"missing {needed}")
-    value = camera.get(key)
-    value = value.get("data") if isinstance(value, dict) else value
-    if value in (None, "") and not needed:
+    found = [key for key in ([keys] if isinstance(keys, str) else keys) if key in camera]
+    if not found:
+        if needed:
+            raise ValueError(f"missing {needed}")
+        return []
+    lists = [_numbers(key, camera[key]) for key in found]
+    if any(numbers != lists[0] for numbers in lists):
+        raise ValueError(f"{' and '.join(found)} differ")
+    return lists[0]
+
+
+def _numbers(key: str, value) -> list:
+    stated = None
+    if isinstance(value, dict):
+        stated, value = [_whole(value.get(side)) for side in ("rows", "cols")], value.get("data")
+    if value == "" or (value is None and 0 in (stated or ())):  # as OpenCV writes what is empty
         return []
     if not isinstance(value, list) or len(value) > 100:
         raise ValueError(f"{key}: expected a list of numbers, got {shown(value)}")
-    return [_number(v) for row in value for v in (row if isinstance(row, list) else [row])]
+    numbers = [_number(v) for row in value for v in (row if isinstance(row, list) else [row])]
+    if stated and all(isinstance(n, int) for n in stated) and stated[0] * stated[1] != len(numbers):
+        raise ValueError(f"{key}: expected {stated[0] * stated[1]} numbers, got {len(numbers)}")
+    return numbers
+
+
+def _is_zero(value) -> bool:
+    return isinstance(value, float) and value == 0
 
 
 def _number(value):

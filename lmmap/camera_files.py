@@ -54,13 +54,16 @@ def read_camera(path, cls, size_px=None, topics=()) -> dict:
     expected = "expected our JSON, or a calibration of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP"
 
     def parse(text: str) -> dict:
-        if path.suffix == ".json" and not calibrations.is_foreign(values := read_json(text)):
-            return values
-        cameras = calibrations.cameras_in(text, path.suffix)
+        document = calibrations.read_document(text, path.suffix)
+        if calibrations.is_ours(document, path.suffix):
+            return document
+        cameras = calibrations.cameras_in(document)
         if wanted and wanted not in cameras:
             raise ValueError(f"no camera {wanted:.30} among {', '.join(cameras):.100}")
         name, others = (wanted, []) if wanted else calibrations.choose(cameras, size_px, topics)
         values = calibrations.camera_fields(cameras[name], size_px)
+        if part := calibrations.region(cameras[name], size_px):
+            warnings.warn(f"{path}: {calibrations.region_text(*part)}", stacklevel=6)
         if others:
             other = f"not {', '.join(others):.100}; name another, as --camera {path.name}:{others[0]:.30}"
             warnings.warn(f"{path}: taking {name:.30}, {other}", stacklevel=6)
@@ -72,9 +75,9 @@ def read_camera(path, cls, size_px=None, topics=()) -> dict:
     return values
 
 
-def camera_of(camera: dict, cls) -> dict:
+def camera_of(camera: dict, cls, size_px=None) -> dict:
     """The fields of a camera that a recording holds, checked as those of a file; raises ValueError."""
-    return _checked(calibrations.camera_fields(camera), cls, CAMERA)
+    return _checked(calibrations.camera_fields(camera, size_px), cls, CAMERA)
 
 
 def split_name(path) -> tuple[Path, str]:
@@ -89,8 +92,15 @@ def read_port(path, cls) -> dict:
 
 
 def write_fields(path, instance) -> None:
-    """Write a dataclass as JSON."""
+    """Write a `Camera` or `Port` as JSON; `InputError` for one that could not be read again."""
     values = {f.name: getattr(instance, f.name) for f in fields(instance)}
+    kind = type(instance)
+    try:
+        _checked(values, kind, {"Camera": CAMERA, "Port": PORT}[kind.__name__])
+    except ValueError as error:
+        raise InputError(
+            f"{path}: not written, since it could not be read again ({error}); check it"
+        ) from None
     write_text(path, json.dumps(values, indent=1) + "\n")
 
 

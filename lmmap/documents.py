@@ -38,9 +38,35 @@ def read_yaml(text: str):
 def read_json(text: str):
     """A short flat JSON document; raises ValueError."""
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=_once)
     except RecursionError:
         raise ValueError(f"nested deeper than {MAX_DEPTH} levels") from None
+
+
+def _once(pairs: list[tuple]) -> dict:
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(n for n in names if names.count(n) > 1):.30} is stated twice")
+    return values
+
+
+def read_xml(text: str) -> dict:
+    """A document of OpenCV's FileStorage in XML: names with texts, lists or matrices; raises ValueError."""
+    from xml.etree import ElementTree  # only who has one waits for it
+
+    def value(element, depth: int = 0):
+        if depth > MAX_DEPTH:
+            raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
+        if len(element):
+            return _once([(child.tag, value(child, depth + 1)) for child in element])
+        words = (element.text or "").strip().strip('"').split()
+        return words if element.tag == "data" or len(words) > 1 else "".join(words)
+
+    try:
+        return value(ElementTree.fromstring(text))
+    except ElementTree.ParseError as error:
+        raise ValueError(f"not XML: {error}") from None
 
 
 def check_fields(values: dict, schema: dict, required: set[str]) -> dict:

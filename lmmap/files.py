@@ -32,7 +32,8 @@ def regular_file(path, max_bytes: int | None = None) -> Path:
         raise InputError(f"{path}: no such file; check the path") from None
     except (OSError, ValueError) as error:  # a name that is too long or holds a zero byte
         raise InputError(f"{path}: cannot open ({error}); check the path") from None
-    if not stat.S_ISREG(facts.st_mode):
+    of_system = os.path.realpath(path).startswith(("/proc/", "/sys/"))  # reading /proc/kmsg never ends
+    if not stat.S_ISREG(facts.st_mode) or of_system:
         kind = "a folder" if stat.S_ISDIR(facts.st_mode) else "a device or a pipe"
         raise InputError(f"{path}: is {kind}, not a file; name a file on a disk")
     if max_bytes is not None and facts.st_size > max_bytes:
@@ -44,7 +45,7 @@ def read_text(path, max_bytes: int) -> str:
     """A text file of at most ``max_bytes``; raises `InputError`."""
     path = regular_file(path, max_bytes)
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # as Windows begins a text
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
         raise InputError(f"{path}: cannot read this file ({reason}); name a text file") from None

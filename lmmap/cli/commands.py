@@ -140,7 +140,9 @@ class Commands:
         self.add_file(command, "--camera", help=text)
         text = "pictures a second, of a folder without timestamps.txt"
         command.add_argument("--fps", type=float, metavar="HZ", help=text)
-        text = "unit of event times, in text, CSV, npy or HDF5 that does not state it"
+        text = (
+            "unit of times that do not state it: of events in text, CSV, npy or HDF5, of a folder's pictures"
+        )
         command.add_argument("--time-unit", choices=TIME_UNITS, help=text)
         text = "which of several cameras: in AEDAT4 a stream's number, in HDF5 a group, as davis/right"
         command.add_argument("--stream", metavar="NAME", help=text)

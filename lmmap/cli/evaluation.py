@@ -76,6 +76,8 @@ def _check_clock(a, stream: Stream) -> None:
         span = f"{first_us * 1e-6:.3f} to {last_us * 1e-6:.3f} s"
         found = f"the truth's times are {span}, and the recording begins at {begin_us * 1e-6:.3f} s"
         remedy = f"if both began together, add {(begin_us - first_us) * 1e-6:.6f} s to the truth's times"
+        if (guessed := stream.source.guessed) and (doubt := guessed.doubt(stream.camera.size_px)):
+            remedy = f"the recording's are taken as {guessed.unit}, but {doubt}"
         raise InputError(f"{a.truth or a.recording}: {found}; {remedy}")
 
 

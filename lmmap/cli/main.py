@@ -53,6 +53,9 @@ def _run(argv: list[str] | None) -> int:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     # numba's coloured errors have an escape sequence printed at exit
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+    # FFmpeg and OpenCV write lines of their own to stderr, where ours says what is wrong
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     tune_allocator()
     with _notes():
         call(arguments.command, arguments.run, arguments)  # --help does not wait for torch

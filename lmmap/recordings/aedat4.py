@@ -109,11 +109,11 @@ def _header(path: Path) -> tuple[int, int, dict[int, _Stream]]:
         raise ValueError(f"truncated: {length} bytes of more than {end}")
     streams = {}
     for stream in ElementTree.fromstring(node.tobytes()).iter("node"):
-        values = {a.get("key"): a.text for a in stream.findall("attr")}
+        values = {a.get("key"): a.text or "" for a in stream.findall("attr")}
         if "typeIdentifier" in values and stream.get("name", "").isdigit():
-            inner = {a.get("key"): a.text for a in stream.iter("attr")}
+            inner = {a.get("key"): a.text or "" for a in stream.iter("attr")}
             size_px = int(inner.get("sizeX", 0)), int(inner.get("sizeY", 0))
-            camera = inner.get("source") or ""
+            camera = inner.get("source", "")
             streams[int(stream.get("name"))] = _Stream(values["typeIdentifier"], size_px, camera)
     return compression, end, streams
 

@@ -100,24 +100,28 @@ def read(path: Path, dialect: Dialect) -> Source:
     event_chunks = partial(_events, path, dialect, events) if events else nothing
     frames = eight_bit(path, partial(_frames, path, dialect, images)) if images else nothing
     names = tuple(topic.name for topic in (events, images) if topic)
-    cameras = partial(_cameras, path, dialect, all(re.search("_rect|rectified", name) for name in names))
+    rectified = {name for name in names if re.search("[_/]rect", name)}
+    if rectified and len(rectified) < len(names):
+        text = f"{', '.join(rectified)} is rectified, and the other topic is not: one calibration serves both"
+        warnings.warn(f"{path}: {text}; estimate each camera alone, with its own --camera", stacklevel=4)
+    cameras = partial(_cameras, path, dialect, len(rectified) == len(names))
     return Source(path, (events or images).size_px, event_chunks, frames, span_us, details, cameras, names)
 
 
 def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
-    """What the topics of sensor_msgs/CameraInfo say first, as `lmmap.calibrations` reads it; of a camera that
-    is not calibrated, nothing.  Of images that are ``rectified`` it is the projection, without distortion."""
+    """What the topics of sensor_msgs/CameraInfo say first, as `lmmap.calibrations` reads it, the cameras that
+    are not calibrated last.  Of images that are ``rectified`` it is the projection, without distortion."""
     cameras = {}
     with dialect.open(path) as bag:
         for c in sorted((c for c in bag.connections if c.msgtype == CAMERA_INFO), key=lambda c: c.topic):
             for connection, _, raw in islice(bag.messages([c]), 1):
                 info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
-                values = {name: info[name] for name in ("width", "height", "distortion_model")}
+                names = ("width", "height", "distortion_model", "binning_x", "binning_y")
+                values = {name: info[name] for name in names} | {"roi": vars(info["roi"])}
                 P = info["p"].reshape(3, 4)[:, :3].ravel()
                 values |= {"k": P.tolist(), "d": []} if rectified else {n: info[n].tolist() for n in "kd"}
-                if values["k"][0]:
-                    cameras[c.topic] = values | {"rostopic": c.topic}
-    return cameras
+                cameras[c.topic] = values | {"rostopic": c.topic}
+    return dict(sorted(cameras.items(), key=lambda camera: not any(camera[1]["k"])))
 
 
 def _events(path: Path, dialect: Dialect, topic: Topic) -> Iterator[np.ndarray]:
@@ -172,7 +176,8 @@ def _look(bag, dialect: Dialect, name: str, first: list[tuple]) -> Topic:
         image = dialect.image(bag, connection, raw)
         return Topic(name, image.shape[1::-1], image.dtype, no_stamps, False)
     size_px, events = dialect.decoder()(bag, connection, raw, 0)
-    is_array, stamp_us = connection.msgtype not in TYPES, recorded_ns if no_stamps else dialect.time_us(raw)
+    is_array, recorded_us = connection.msgtype not in TYPES, recorded_ns // 1000
+    stamp_us = recorded_us if no_stamps else dialect.time_us(raw)
     no_times = bool(is_array and stamp_us and len(events) and not events["t_us"].any())
     return Topic(name, size_px, events.dtype, no_stamps, no_times)
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType, SimpleNamespace
+from urllib.parse import quote
 
 import apsw
 from backports import zstd
 from lz4.frame import LZ4FrameDecompressor
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import Reader, ReaderError, storage_mcap
+from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from ..files import regular_file
+from ..files import InputError, regular_file
 from .bounded_bag import BoundedPath
 from .limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
 
@@ -28,7 +28,18 @@ def open_bag(path: Path, typestore) -> AnyReader:
     return bag
 
 
-class BoundedMcap(McapReader):
+def _own_copy(name: str) -> ModuleType:
+    """A module of the library once more, in which we change names without changing them for others."""
+    spec = find_spec(f"rosbags.rosbag2.{name}")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+_mcap, _sqlite = _own_copy("storage_mcap"), _own_copy("storage_sqlite3")
+
+
+class BoundedMcap(_mcap.McapReader):
     """Reads no more at once than a chunk may have, and no index that names more than its file can hold."""
 
     def open(self) -> None:
@@ -41,10 +52,31 @@ class BoundedMcap(McapReader):
             raise ReaderError(f"An index of {len(offsets)} chunks, which unpack to {size} bytes.")
 
 
+class BoundedSqlite(_sqlite.Sqlite3Reader):
+    """Refuses a database whose recorder died before its last messages were in it."""
+
+    def open(self) -> None:
+        for log in (self.path.with_name(self.path.name + end) for end in ("-wal", "-journal")):
+            if log.exists() and log.stat().st_size:
+                remedy = f"have SQLite put them in: sqlite3 {self.path.name} vacuum"
+                raise InputError(f"{self.path}: its last messages lie in {log.name} beside it; {remedy}")
+        self.path = Path(quote(str(self.path.absolute())))  # the library makes a URI of it
+        super().open()
+
+
+class _BoundedConnection(apsw.Connection):
+    """Gives out no value of more than `MAX_CHUNK_BYTES`: a column may be computed, so that a short file
+    could answer with gigabytes."""
+
+    def __init__(self, *named, **options):
+        super().__init__(*named, **options)
+        self.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
+
+
 class BoundedDirectory(DirectoryReader):
     """Reads small metadata only, and checks what compressed files and messages unpack to."""
 
-    STORAGE_PLUGINS = MappingProxyType({"mcap": BoundedMcap, "sqlite3": Sqlite3Reader})
+    STORAGE_PLUGINS = MappingProxyType({"mcap": BoundedMcap, "sqlite3": BoundedSqlite})
 
     def open(self) -> None:
         if (size := (self.path / METADATA).stat().st_size) > MAX_METADATA_BYTES:
@@ -79,7 +111,7 @@ class _Folder:
 class BoundedBag(Reader):
     """The library's reader with bounded storages."""
 
-    STORAGE_PLUGINS = MappingProxyType({"dir": BoundedDirectory, ".mcap": BoundedMcap, ".db3": Sqlite3Reader})
+    STORAGE_PLUGINS = MappingProxyType({"dir": BoundedDirectory, ".mcap": BoundedMcap, ".db3": BoundedSqlite})
 
 
 def _most_unpacked(path: Path) -> int:
@@ -108,10 +140,8 @@ def _inflate(decompressor, packed: bytes, size: int = MAX_CHUNK_BYTES) -> bytes:
 
 
 # The library's own entries inflate without a limit; these also check what the chunk's header states.
-storage_mcap.DECOMPRESSORS.update(
+_mcap.DECOMPRESSORS.update(
     lz4=lambda packed, size: _inflate(LZ4FrameDecompressor(), packed, size),
     zstd=lambda packed, size: _inflate(zstd.ZstdDecompressor(), packed, size),
 )
-
-# A column may be computed: a short file could answer with gigabytes.
-apsw.connection_hooks.append(lambda database: database.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES))
+_sqlite.apsw = SimpleNamespace(**vars(apsw) | {"Connection": _BoundedConnection})

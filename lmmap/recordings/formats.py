@@ -56,6 +56,8 @@ def open_stream(
     if not path.is_dir():
         regular_file(path)
     kind = _kind(path)
+    if kind == "folder":
+        _check_folder(path)
     if kind not in READERS:
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
     options = {name: value for name, value in named.items() if value is not None}
@@ -63,6 +65,8 @@ def open_stream(
         if kind not in OPTIONS[name][0]:
             flag = f"--{name.replace('_', '-')} {value}"
             raise InputError(f"{path}: {flag} is for {OPTIONS[name][1]}; leave it out")
+    if {"fps", "time_unit"} <= options.keys():
+        raise InputError(f"{path}: --fps makes the times, so they have no --time-unit; leave one out")
     source = (images.read_numbered if "fps" in options else READERS[kind])(path, **options)
     if source.span_us:
         with input_errors(path, "damaged", "copy it again"):
@@ -75,6 +79,19 @@ def open_stream(
     truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
+
+
+def _check_folder(path: Path) -> None:
+    """`InputError` for a folder of recordings, but no pictures."""
+    names = sorted(p.name for p in path.iterdir() if p.suffix.lower() in READERS)
+    others = [n for n in names if Path(n).suffix.lower() not in (*images.IMAGE_SUFFIXES, ".txt", ".csv")]
+    if others and len(others) == len(names):
+        remedy = f"name one of them, such as {path / others[0]}"
+        if others[0].endswith((".db3", ".mcap")):
+            remedy = (
+                f"if it is a ROS 2 bag, its {METADATA} is missing: run ros2 bag reindex {path}, or {remedy}"
+            )
+        raise InputError(f"{path}: a folder of {len(others)} recordings, not of images; {remedy}")
 
 
 def format_name(path) -> str:
@@ -90,21 +107,24 @@ def _kind(path: Path) -> str:
 
 
 def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
-    own, size_px = path.with_suffix(".camera.json"), source.size_px
+    own, size_px, doubt = path.with_suffix(".camera.json"), source.size_px, ""
     if camera is None:
         camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
     if camera is None:
-        camera = _camera_inside(source)
+        camera, doubt = _camera_inside(source)
     if camera is None and size_px == Camera.davis346().size_px:
-        warnings.warn(f"{path}: no calibration given; taking the nominal DAVIS 346", stacklevel=4)
+        text = f"{path}: {doubt or 'no calibration given'}; taking the nominal DAVIS 346"
+        warnings.warn(text, stacklevel=4)
         return Camera.davis346()
     if camera is None and not needed:
+        if doubt:
+            warnings.warn(f"{path}: {doubt}", stacklevel=4)
         return None
     if camera is None:
         size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
         if size_px and (cameras := sensors.of_size(size_px)):
             size += f" (as of {cameras})"
-        raise InputError(f"{path}: no calibration for {size}; give one with --camera")
+        raise InputError(f"{path}: {doubt or f'no calibration for {size}'}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
     camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera, size_px, source.topics)
     if size_px is not None and camera.size_px != size_px:
@@ -117,22 +137,29 @@ def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
     return camera
 
 
-def _camera_inside(source: Source) -> Camera | None:
-    """The camera that a recording itself describes; a warning says which, or why it is not used."""
+def _camera_inside(source: Source) -> tuple[Camera | None, str]:
+    """The camera that a recording itself describes, with a warning that says which; or why it is not used."""
     if not (cameras := source.cameras()):
-        return None
-    name, others = calibrations.choose(cameras, source.size_px, source.topics)
+        return None, ""
+    size_px = source.size_px
     try:
-        camera = Camera(**(values := camera_of(cameras[name], Camera)))
+        name, others = calibrations.choose(cameras, size_px, source.topics)
     except ValueError as error:
-        warnings.warn(f"{source.path}: its own calibration {name} is not used ({error})", stacklevel=5)
-        return None
-    if source.size_px not in (None, camera.size_px):
-        return None
-    left = f", not {', '.join(others)}" if others else ""
+        return None, f"its own calibrations are not used ({error})"
+    try:
+        camera = Camera(**(values := camera_of(cameras[name], Camera, size_px)))
+        if size_px not in (None, camera.size_px):
+            raise ValueError(
+                f"it is for {camera.width_px} x {camera.height_px} px, not {size_px[0]} x {size_px[1]}"
+            )
+    except ValueError as error:
+        return None, f"its own calibration {name} is not used ({error})"
+    part = calibrations.region(cameras[name], size_px)
+    notes = [calibrations.region_text(*part)] if part else []
+    notes += [f"not {', '.join(others)}"] if others else []
     odd = f"; {reason}, check it" if (reason := calibrations.odd(values)) else ""
-    warnings.warn(f"{source.path}: taking its own calibration {name}{left}{odd}", stacklevel=5)
-    return camera
+    warnings.warn(f"{source.path}: taking its own calibration {', '.join([name, *notes])}{odd}", stacklevel=5)
+    return camera, ""
 
 
 FORMATS = (  # what it is, how its name ends, its reader
@@ -154,5 +181,8 @@ READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffi
 OPTIONS = {  # of `open_stream`: the suffixes that each is for, and what these are
     "fps": (("folder",), "a folder of pictures"),
     "stream": ((".aedat4", ".aedat", ".h5", ".hdf5"), "AEDAT4 or HDF5 of several cameras"),
-    "time_unit": ((".txt", ".csv", ".npy", ".h5", ".hdf5"), "events as text, CSV, npy or HDF5"),
+    "time_unit": (
+        (".txt", ".csv", ".npy", ".h5", ".hdf5", "folder"),
+        "events as text, CSV, npy or HDF5, or a folder's list of times",
+    ),
 }

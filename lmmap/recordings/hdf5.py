@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -89,12 +90,15 @@ def _stated_size_px(file: h5py.File) -> tuple[int, int] | None:
 
 
 def _cameras(file: h5py.File, group: str) -> dict[str, dict]:
-    """The calibration of a group, as `lmmap.calibrations` reads it; none where it is not whole."""
-    try:
-        values = {n: open_dataset(file, f"{group}/{n}", 1)[:100].tolist() for n in CALIBRATION[:3]}
-        return {group: values | {n: open_text(file, f"{group}/{n}") for n in CALIBRATION[3:]}}
-    except (KeyError, ValueError):
+    """What a group says of its calibration, for `lmmap.calibrations`, which refuses what is missing."""
+    if group not in file:
         return {}
+    values = dict.fromkeys(CALIBRATION[1:], "unreadable")
+    for name in CALIBRATION:
+        with suppress(KeyError, ValueError):
+            place, numbers = f"{group}/{name}", name in CALIBRATION[:3]
+            values[name] = open_dataset(file, place, 1)[:100].tolist() if numbers else open_text(file, place)
+    return {group: values}
 
 
 def _columns(file: h5py.File, group: str) -> list[h5py.Dataset]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-import os
 import re
-from contextlib import contextmanager, suppress
+import warnings
+from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -21,6 +22,7 @@ from .depth import eight_bit
 from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, reader
 from .tables import read_text
+from .units import GuessedSteps, microseconds
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".jpe", ".bmp", ".dib", ".tif", ".tiff", ".webp", ".jp2", ".avif",
                   ".pbm", ".pgm", ".ppm", ".pnm", ".ras", ".sr")  # fmt: skip
@@ -35,13 +37,21 @@ TIME_LISTS = ("timestamps.txt", "images.txt")
     "give images and a timestamps.txt with a time for each, or --fps, or name one recording",
     (cv2.error,),
 )
-def read_folder(path: Path) -> Source:
+def read_folder(path: Path, time_unit: str | None = None) -> Source:
     """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
 
-    Times as in `tables.read_text`; an ``events.txt`` beside them is read too, as in RPG's data sets.
+    Times are seconds if any has a decimal point, else microseconds, or of the unit that is given; an
+    ``events.txt`` beside them is read too, as in RPG's data sets.
     """
-    source, event_file = _sequence(path, *_list_pictures(path)), path / "events.txt"
-    return replace(source, events=lambda: read_text(event_file).events()) if event_file.exists() else source
+    names, t = _list_pictures(path)
+    source = _sequence(path, names, [int(t_us) for t_us in microseconds(t, time_unit).tolist()])
+    source = replace(source, guessed=None if time_unit else GuessedSteps.of(t))
+    events = partial(_events_beside, path / "events.txt", time_unit)
+    return replace(source, events=events) if (path / "events.txt").exists() else source
+
+
+def _events_beside(path: Path, time_unit: str | None):
+    return read_text(path, time_unit).events()
 
 
 picture = reader("cannot read this picture", "give PNG or JPEG files", (cv2.error,))
@@ -55,12 +65,15 @@ def read_picture(path: Path) -> Source:
 
 @picture
 def read_numbered(path: Path, fps: float) -> Source:
-    """A folder's pictures in the order of their names, ``fps`` to the second; raises `InputError`."""
+    """A folder's pictures, ``fps`` to the second, in the order of the numbers in their names; raises
+    `InputError`."""
     if not 0 < fps < 1e6:
         raise ValueError(f"{fps:g} pictures per second")
     if not (names := pictures_in(path)):
         raise ValueError(f"no {', '.join(IMAGE_SUFFIXES)} in it")
-    return _sequence(path, names, [round(k * 1e6 / fps) for k in range(len(names))])
+    if found := next((name for name in TIME_LISTS if (path / name).is_file()), None):
+        warnings.warn(f"{path}: the times in its {found} are not used, since a rate is given", stacklevel=5)
+    return _sequence(path, names, [round(k * 1e6 / fps) for k in _places(path, names)])
 
 
 def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
@@ -84,8 +97,43 @@ def _picture_details(path: Path) -> dict:
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """The image files of a folder, in the order of the numbers in their names."""
-    return sorted((p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES), key=_numbers)
+    """The image files of a folder that are not hidden, in the order of the numbers in their names; ValueError
+    where one is there in two formats.  A warning says which names are not alike."""
+    names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.name[0] != "."]
+    names = sorted((p for p in names if not p.is_dir()), key=_numbers)
+    stem, count = max(Counter(p.stem for p in names).items(), key=lambda item: item[1], default=("", 0))
+    if count > 1:
+        twice = ", ".join(p.name for p in names if p.stem == stem)
+        raise ValueError(f"it has a picture in several formats, {twice}: keep one")
+    forms = Counter("#".join(_numbers(p)[0][::2]) for p in names)
+    if 1 < len(forms) < len(names):
+        text = ", ".join(f"{form} ({count})" for form, count in forms.most_common(3))
+        text = f"its pictures are named in {len(forms)} ways, {text}"
+        warnings.warn(f"{folder}: {text}; keep one camera's, and no copies", stacklevel=6)
+    return names
+
+
+def _places(folder: Path, names: list[Path]) -> list[int]:
+    """Where each picture stands in its row, from 0 on: as the numbers in their names say, of which some may
+    be missing.  A warning says so."""
+    in_row, parts = list(range(len(names))), [_numbers(p)[0] for p in names]
+    columns = [c for c in zip(*(p[1::2] for p in parts), strict=False) if len(set(c)) > 1]
+    if len(columns) != 1 or len({tuple(p[::2]) for p in parts}) > 1:
+        return in_row
+    steps = [b - a for a, b in zip(columns[0], columns[0][1:], strict=False)]
+    step, count = Counter(steps).most_common(1)[0]
+    if count == len(steps):
+        return in_row
+    if 2 * count < len(steps) or any(s < step or s % step for s in steps):
+        text = "the numbers in its pictures' names are irregular, and not used"
+        warnings.warn(f"{folder}: {text}; if they are times, write them to timestamps.txt", stacklevel=6)
+        return in_row
+    places = [int((number - columns[0][0]) / step) for number in columns[0]]
+    k = next(k for k, s in enumerate(steps) if s > step)
+    missing = places[-1] + 1 - len(names)
+    text = f"{missing} numbers are missing among its pictures, the first after {names[k].name}"
+    warnings.warn(f"{folder}: {text}; the times follow the numbers", stacklevel=6)
+    return places
 
 
 def _numbers(path: Path) -> tuple[list, str]:
@@ -94,8 +142,8 @@ def _numbers(path: Path) -> tuple[list, str]:
     return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)], path.name
 
 
-def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
-    """The folder's images and their times (us), as its list states them."""
+def _list_pictures(path: Path) -> tuple[list[Path], np.ndarray]:
+    """The folder's images and their times (N,), as its list states them."""
     lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
     if not lists:
         raise ValueError("no timestamps.txt or images.txt in it")
@@ -109,7 +157,8 @@ def _list_pictures(path: Path) -> tuple[list[Path], list[int]]:
         names = [path / line[1] for line in lines]
     if len(names) != len(lines) or not names:
         raise ValueError(f"{len(names)} images for {len(lines)} times")
-    return names, [round(float(t[0]) * 1e6) if "." in t[0] else int(t[0]) for t in lines]
+    whole = all(re.fullmatch("[-+]?[0-9]+", line[0]) for line in lines)
+    return names, np.array([line[0] for line in lines], np.int64 if whole else float)
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -150,37 +199,26 @@ def read_video(path: Path) -> Source:
 
 
 def _video_details(path: Path) -> dict:
-    with _quiet():
-        deg = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_ORIENTATION_META)
+    deg = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_ORIENTATION_META)
     return {TURNED: int(deg)} if deg else {}
 
 
 def _video_frames(path: Path):
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
-    with _quiet():
-        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        size = (video.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        if video.isOpened():
-            check_image(*map(int, size))
-        more, bgr = video.read()
+    video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    size = (video.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    if video.isOpened():
+        check_image(*map(int, size))
+    count, (more, bgr) = 0, video.read()
     if not more:
         raise ValueError("no frame can be decoded")
     while more:
+        count += 1
         yield round(video.get(cv2.CAP_PROP_POS_MSEC) * 1000), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-        with _quiet():
-            more, bgr = video.read()
-    with _quiet():
-        video.release()
-
-
-@contextmanager
-def _quiet():
-    """Keep what FFmpeg writes to the process's stderr from the terminal, where our own one line says more."""
-    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(null)
+        more, bgr = video.read()
+    stated = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    video.release()
+    if count < stated:
+        text = f"holds {count} of the {stated} images that its header promises"
+        warnings.warn(
+            f"{path}: {text}; unless its rate varies it was cut or damaged, so copy it again", stacklevel=2
+        )

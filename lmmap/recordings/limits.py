@@ -3,7 +3,8 @@
 Each is some tens of times what cameras and drivers write, and together they keep reading under a gigabyte.
 """
 
-MAX_TIME_US = 2**60  # either way: 36 000 years; differences and sums of such times fit 64 bits
+from ..types.checks import MAX_TIME_US as MAX_TIME_US
+
 MAX_CHUNK_BYTES = 2**28  # decompressed; ROS writes chunks of 0.8 MB, DV packets of some MB
 MAX_RECORD_BYTES = 2**26  # of a header or an index, before it is parsed; those of hour-long bags have some MB
 MAX_LINE_BYTES = 2**20  # of text; an event takes 30 and pandas holds a whole line

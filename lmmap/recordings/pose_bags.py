@@ -40,9 +40,10 @@ class PoseBag:
 
     def __init__(self, path, frame_id: str = "camera", child_frame_id: str = "port"):
         names = frame_id, child_frame_id
-        if frame_id == child_frame_id or not all(re.fullmatch(r"[^/\s]\S*", name) for name in names):
-            raise InputError(f"--frame-id {frame_id!r}, --child-frame-id {child_frame_id!r}: give two names "
-                             "that differ, without spaces and without / in front")  # fmt: skip
+        fit = all(re.fullmatch(r"[^/\s]\S*", name) and name.isprintable() for name in names)
+        if frame_id == child_frame_id or not fit:
+            raise InputError(f"--frame-id {frame_id!a}, --child-frame-id {child_frame_id!a}: give two names "
+                             "that differ, of letters, without spaces and without / in front")  # fmt: skip
         self.path, self.statuses = check_output(path, overwrite=True), []
         self._names, self._kind, self._held = names, self.path.suffix.lower(), ExitStack()
         self._bag = None

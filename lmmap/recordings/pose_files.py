@@ -18,7 +18,7 @@ from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
 from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
-from .units import NANOSECONDS, UNITS
+from .units import likely_units
 
 LIKELY_STEP_S = (1e-4, 1.0)  # between the poses of a truth: outside, its unit of time is another
 MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
@@ -56,7 +56,11 @@ def read_trajectory(path, format: str | None = None) -> Trajectory:
 
 
 def _format_of(text: str, path: Path) -> str:
-    return "tum" if path.suffix in (".txt", ".tum") and not text.startswith("t_us,") else "csv"
+    """As it begins, else as its name ends: a table of either kind may have any name."""
+    if text.startswith("t_us,"):
+        return "csv"
+    words = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "").split()
+    return "tum" if path.suffix in (".txt", ".tum") or len(words) == 8 else "csv"
 
 
 def parse_trajectory(text: str, path, format: str) -> Trajectory:
@@ -98,8 +102,7 @@ def _check_step(path, step_s: float, own: str) -> None:
     least_s, most_s = LIKELY_STEP_S
     if least_s <= step_s < most_s:
         return
-    steps_s = {unit: step_s * NANOSECONDS[unit] / NANOSECONDS[own] for unit in UNITS}
-    likely = " or ".join(unit for unit, s in steps_s.items() if least_s <= s < most_s)
+    likely = likely_units(step_s, own, least_s, most_s)
     found = f"its poses are {step_s:.3g} s apart, with times in {own}"
     remedy = f"if they are in {likely or 'another unit'}, write them in {own}"
     if not least_s <= step_s < MAX_STEP_S:

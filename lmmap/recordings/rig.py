@@ -44,16 +44,21 @@ class Rig:
         return scale_port(Port.lm_map(), self.ring_radius_m)
 
     def save(self, path) -> None:
-        """Write JSON; raises `InputError`."""
+        """Write JSON; raises `InputError`, also for a rig that could not be read again."""
         values = {"root": self.root, "tip": self.tip, "T_cam_root": _matrix(self.T_cam_root),
                   "T_tip_port": _matrix(self.T_tip_port), "ring_radius_m": self.ring_radius_m,
                   "delay_s": self.delay_s, "calibrated": self.calibration or {}}  # fmt: skip
-        write_text(path, json.dumps(values, indent=1) + "\n")
+        text = json.dumps(values, indent=1) + "\n"
+        self._of(text, path)
+        write_text(path, text)
 
     @classmethod
     def load(cls, path) -> Rig:
         """Read what `save` wrote; raises `InputError`."""
-        text = read_text(path, MAX_BYTES)
+        return cls._of(read_text(path, MAX_BYTES), path)
+
+    @classmethod
+    def _of(cls, text: str, path) -> Rig:
         try:
             v = read_json(text)
             numbers = {name: v[name] for name in NUMBERS}

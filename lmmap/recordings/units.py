@@ -1,4 +1,4 @@
-"""Units of event times: what a file that names none is taken to have, and whether a sensor can have it."""
+"""Units of times: what a file that names none is taken to have, and whether a camera can have it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ UNITS = ("s", "ms", "us", "ns")
 FEWEST, LONG_S = 100, 10.0  # events to judge by; so long no sensor is quieter than the next number
 QUIETEST_HZ, LOUDEST_HZ = 1000, 500  # of a sensor, and of a pixel; a DAVIS 346 can have 130
 RUN, PIECES = 20_000, 20  # events of a file's ends; how many pieces of each are looked at
+IMAGE_STEP_S = 1e-4, 10.0  # between the images of a camera
 
 
 class Guessed(NamedTuple):
@@ -53,6 +54,35 @@ class Guessed(NamedTuple):
         if self.unit == "us" and self.thousands and 1000 * mean_hz <= loudest_hz:
             return "all are multiples of 1000; if they are in ns, give --time-unit ns"
         return None
+
+
+class GuessedSteps(NamedTuple):
+    """Times of images whose unit nothing states: as what they are taken, and how far most are apart."""
+
+    unit: str
+    step_s: float
+
+    @classmethod
+    def of(cls, t: np.ndarray) -> GuessedSteps | None:
+        """Of times (N,) as they are stored; None of less than two."""
+        if len(t) < 2:
+            return None
+        step_us = np.abs(np.diff(microseconds(t, None)))
+        return cls(unit_of(t), float(np.median(step_us) or np.mean(step_us)) * 1e-6)
+
+    def doubt(self, _) -> str | None:
+        """Why the unit is another, in words; None where nothing speaks against it."""
+        if IMAGE_STEP_S[0] <= self.step_s < IMAGE_STEP_S[1]:
+            return None
+        others = likely_units(self.step_s, self.unit, *IMAGE_STEP_S)
+        remedy = f"if they are in {others}, give --time-unit {others}" if others else "check them"
+        return f"its images are then {self.step_s:.3g} s apart; {remedy}"
+
+
+def likely_units(step_s: float, own: str, least_s: float, most_s: float) -> str:
+    """The units in which steps that are ``step_s`` in their own would be likely ones, in words."""
+    steps_s = {unit: step_s * NANOSECONDS[unit] / NANOSECONDS[own] for unit in UNITS}
+    return " or ".join(unit for unit, s in steps_s.items() if least_s <= s < most_s)
 
 
 def unit_of(t: np.ndarray) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Mapping
@@ -24,8 +23,6 @@ class Webcam:
 
     def __init__(self, name: str, flips: Mapping[str, str] | None = None):
         self._name, self._flip = name, (flips or {}).get("rgb")
-        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one line says what is wrong
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         self._capture = cv2.VideoCapture(int(name) if name.isdigit() else name)
         if not self._capture.isOpened():
             raise InputError(f"{name}: {_why_not(name)}")

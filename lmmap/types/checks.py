@@ -8,7 +8,7 @@ import numpy as np
 
 from .arrays import frozen_array
 
-MAX_TIME_US = 2**62  # either way; sums and differences of such times fit 64 bits
+MAX_TIME_US = 2**60  # either way: 36 000 years; sums and differences of such times fit 64 bits
 
 
 def check_number(name: str, value, low: float, high: float) -> None:

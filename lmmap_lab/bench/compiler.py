@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numba
 
-from lmmap.geometry.compiled import njit as njit
+from lmmap.geometry import compiled
 
 
 def _cache_folder() -> Path:
@@ -22,5 +23,17 @@ def _cache_folder() -> Path:
     return bench / "__pycache__" / hashlib.sha256(source).hexdigest()[:16]
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(_cache_folder())
+CACHE = os.environ.get("NUMBA_CACHE_DIR") or str(_cache_folder())
+
+
+def njit(**options) -> Callable:
+    """As `compiled.njit`, cached in the bench's own folder; that of others' kernels stays where it is."""
+
+    def compile_cached(function):
+        others, numba.config.CACHE_DIR = numba.config.CACHE_DIR, CACHE
+        try:
+            return compiled.njit(**options)(function)
+        finally:
+            numba.config.CACHE_DIR = others
+
+    return compile_cached

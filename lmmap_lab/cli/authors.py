@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from collections import Counter
 from itertools import product
 from pathlib import Path
@@ -17,7 +18,9 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.images import TIME_LISTS, pictures_in
 from lmmap.recordings.rig import RIG_FILE
+from lmmap.recordings.stream import Stream
 from lmmap.types import Camera, InputError, Port
 
 from ..pages import beside_paper
@@ -124,22 +127,39 @@ def describe(rig) -> str:
 
 
 def calibrate_board(a) -> None:
-    """Intrinsics from a bag of a checkerboard."""
+    """Intrinsics from recordings of a checkerboard, by one camera."""
+    for name in ("hand_eye", "free", "base", "effector", "on_arm"):
+        if getattr(a, name):
+            raise InputError(f"--board: calibrates a camera, no rig; leave --{name.replace('_', '-')} out")
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(
             f"--board {a.board}: give its inner corners as COLUMNSxROWS, such as 8x5, at least 3 each way"
         )
     output = check_output(a.output or a.bags[0].parent / CAMERA, _inputs(a), overwrite=a.overwrite)
-    stream = open_stream(a.bags[0], Camera.davis346() if a.camera is None else Camera.load(a.camera))
-    frames = tqdm(stream.timed_frames(), "checkerboard", unit=" frames", disable=None)
+    streams = [_views_of_board(path, a.camera) for path in a.bags]
+    frames = (shot for stream in streams for shot in stream.timed_frames())
+    frames = tqdm(frames, "checkerboard", unit=" frames", disable=None)
     try:
         camera, facts = checkerboard.calibrate_intrinsics(frames, tuple(map(int, size.groups())), a.square)
     except ValueError as error:
-        raise InputError(f"{a.bags[0]}: {error}; check --board, or record it nearer and longer") from None
+        names = ", ".join(map(str, a.bags))
+        raise InputError(f"{names}: {error}; check --board, or record it nearer and longer") from None
     camera.save(output)
+    if (corner_px := facts["corner_sigma_px"]) > checkerboard.WORST_CORNER_PX:
+        text = f"the lens's distortion is known to {corner_px:.1f} px only at the image's corners"
+        warnings.warn(f"{output}: {text}; show the board there, too", stacklevel=2)
     text = f"{facts['views']} views, {facts['rms_px']:.2f} px left; fx known to {facts['sigma_px'][0]:.1f} px"
     print(json.dumps(facts) if a.json else f"{output}: {text}")
+
+
+def _views_of_board(path: Path, camera) -> Stream:
+    """A recording of a board; pictures need no times, and a camera no calibration from before."""
+    untimed = path.is_dir() and pictures_in(path) and not any((path / name).is_file() for name in TIME_LISTS)
+    with warnings.catch_warnings():
+        if camera is None:
+            warnings.filterwarnings("ignore", ".* calibration ")
+        return open_stream(path, camera, checked=camera is not None, fps=1.0 if untimed else None)
 
 
 def _inputs(a) -> list[Path | None]:

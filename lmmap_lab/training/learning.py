@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,10 +20,17 @@ def shipped(recipe: Recipe, domain_gap: str) -> Path:
     return weight_path(recipe.filter, recipe.modality, domain_gap)
 
 
+def seeded(recipe: Recipe, network: Callable, *values):
+    """A network of these values, its weights drawn by the recipe's seed; torch's own generator goes on as if
+    nothing had been drawn."""
+    with torch.random.fork_rng():
+        torch.manual_seed(recipe.seed)
+        return network(*values)
+
+
 def untrained(recipe: Recipe, prior: float) -> FilterNet:
     """The network that a recipe begins with."""
-    torch.manual_seed(recipe.seed)
-    net = FilterNet(CHANNELS[recipe.modality], prior, recipe.widths, recipe.depthwise)
+    net = seeded(recipe, FilterNet, CHANNELS[recipe.modality], prior, recipe.widths, recipe.depthwise)
     if recipe.start_from:
         net.load_state_dict(load_filter(shipped(recipe, recipe.start_from), recipe.modality).state_dict())
     return net

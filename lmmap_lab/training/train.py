@@ -22,7 +22,7 @@ from lmmap.pipeline.weights import load_card, save_weights, weight_path
 from . import dataset
 from .batches import half_precision, make_batch, take_step
 from .checkpoint import resume, save_checkpoint
-from .learning import card_of, shipped, teacher_of, untrained
+from .learning import card_of, seeded, shipped, teacher_of, untrained
 from .recipe import Recipe
 
 CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
@@ -85,8 +85,8 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     prior, device = samples.positive_share(), device or ("cuda" if torch.cuda.is_available() else "cpu")
     tune_allocator()
     if network:
-        torch.manual_seed(recipe.seed)
-        net, run = network(CHANNELS[recipe.modality], prior), f"{recipe.name}-{network.__name__}"
+        net = seeded(recipe, network, CHANNELS[recipe.modality], prior)
+        run = f"{recipe.name}-{network.__name__}"
     else:
         net, run = untrained(recipe, prior), recipe.name
     if recipe.start_from:  # another start is another run

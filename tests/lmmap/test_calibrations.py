@@ -241,3 +241,75 @@ def test_a_camera_that_is_not_taken_may_have_any_lens(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert "'omni' is none of pinhole" in refused(tmp_path, text)
+
+
+# --- what is not dropped ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lens, model", [("", "radtan"), ("<fisheye_model>1</fisheye_model>", "equidistant")])
+def test_opencv_s_xml_is_its_yaml(tmp_path, lens, model):
+    matrix = "<rows>{}</rows><cols>{}</cols><dt>d</dt><data>{}</data>"
+    text = f"""<?xml version="1.0"?>
+<opencv_storage><calibration_time>"Fri Nov 27"</calibration_time><image_width>346</image_width>
+<image_height>260</image_height><!-- flags -->{lens}
+<camera_matrix type_id="opencv-matrix">{matrix.format(3, 3, K.strip("[]").replace(",", " "))}</camera_matrix>
+<distortion_coefficients type_id="opencv-matrix">{matrix.format(4, 1, " ".join(map(str, FOUR)))}
+</distortion_coefficients></opencv_storage>"""
+    assert read(tmp_path, text, "camera.xml") == Camera(*PINHOLE, FOUR, model)
+    assert "not XML" in refused(tmp_path, text[:-20], "camera.xml")
+
+
+@pytest.mark.parametrize(
+    "line, said",
+    [
+        ("D: [null, 0, 0, 0, 0]", "distortion: expected a number, got None"),
+        ("D: [0, 0, 0, 0, 0, null]", "6 distortion coefficients"),
+        ("D: [false, 0, 0, 0, 0]", "distortion: expected a number, got False"),
+        ("D:", "d: expected a list of numbers, got None"),
+        ("D: {rows: 1, cols: 5, data: [0.1, 0.2, 0, 0]}", "expected 5 numbers, got 4"),
+        ("D: [0.1, 0, 0, 0]\ndistortion_coefficients: [0.2, 0, 0, 0]", "differ"),
+        ("D: []\ncrop: [10, 10]", "unknown crop"),
+        ("D: []\nroi: {x_offset: half}", "roi and binning: expected whole numbers"),
+    ],
+)
+def test_what_is_stated_is_not_dropped(tmp_path, line, said):
+    text = f"width: 346\nheight: 260\ndistortion_model: plumb_bob\nK: {K}\n{line}\n"
+    assert said in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize("line", ["D: []", "D: [0, 0, 0, 0, 0]", "D: {rows: 0, cols: 0, data: }", "D: ''"])
+def test_no_distortion_is_none(tmp_path, line):
+    text = f"width: 346\nheight: 260\ndistortion_model: plumb_bob\nK: {K}\n{line}\n"
+    assert read(tmp_path, text) == Camera(*PINHOLE)
+
+
+def test_a_value_that_is_stated_twice(tmp_path):
+    Camera(*PINHOLE).save(tmp_path / "c.json")
+    text = (tmp_path / "c.json").read_text().replace("{", '{"fx_px": 400.0,', 1)
+    assert "fx_px is stated twice" in refused(tmp_path, text, "c.json")
+
+
+def test_a_camera_info_as_a_file_may_be_of_a_region(tmp_path):
+    """As `rostopic echo` prints it; (346.5 + 0.5) / 2 - 0.5 is 173."""
+    k = K.replace("173.25", "346.5").replace("133.75", "259.5")
+    text = (
+        f"width: 692\nheight: 520\nbinning_x: 2\nbinning_y: 2\ndistortion_model: plumb_bob\nD: []\nK: {k}\n"
+    )
+    with pytest.warns(
+        UserWarning, match=r"of its region of interest at \(0, 0\), 346 x 260 px, 2 x 2 pixels"
+    ):
+        camera = read(tmp_path, text)
+    assert camera == Camera(346, 260, 113.25, 113.75, 173.0, 129.5)
+
+
+@pytest.mark.parametrize("name", ["c.json", "c.yaml", "c.yml", "camera"])
+def test_what_we_write_we_read_under_any_name(tmp_path, name):
+    camera = Camera(*PINHOLE, (1e-05, 0.0, 0.0, -0.1), "equidistant")
+    camera.save(tmp_path / name)
+    assert Camera.load(tmp_path / name) == camera
+
+
+def test_what_we_would_not_read_we_do_not_write(tmp_path):
+    with pytest.raises(InputError, match=r"c\.json: not written, .*\(distortion: expected a number"):
+        Camera(*PINHOLE, (0.1, -7645.0, 0.0, 0.0)).save(tmp_path / "c.json")
+    assert not (tmp_path / "c.json").exists()

@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from test_rig import line, write_arm
@@ -214,3 +215,62 @@ def test_intrinsics_from_a_board(tmp_path, capsys):
     assert code == 1 and "inner corners" in err and err.count("\n") == 1
     with pytest.raises(ValueError, match="7 x 7 inner corners is seen in 0 views"):
         checkerboard.calibrate_intrinsics([(0, recording.frames[0])], (7, 7), 0.03)
+
+
+def views_of_a_board(tilt_rad, views=12, noise_px=0.05, seed=0):
+    """Corners of a board of 8 x 5, seen by a camera of 640 x 480 px, in place of a search for them."""
+    K, rng = np.array([[520.0, 0, 322], [0, 518, 244], [0, 0, 1]]), np.random.default_rng(seed)
+    board = np.zeros((40, 3))
+    board[:, :2] = 0.03 * (np.mgrid[:8, :5].T.reshape(-1, 2) - [3.5, 2])
+    found = []
+    for _ in range(views):
+        turn = np.array([*rng.uniform(-1, 1, 2) * tilt_rad, rng.normal(0, 0.3)])
+        place = np.array([*rng.uniform(-0.06, 0.06, 2), rng.uniform(0.4, 0.7)])
+        points = cv2.projectPoints(board, turn, place, K, None)[0].reshape(-1, 2)
+        found.append((points + rng.normal(0, noise_px, points.shape)).astype(np.float32))
+    return found
+
+
+def calibrated(monkeypatch, found):
+    monkeypatch.setattr(checkerboard, "find_corners_px", lambda frame, corners: found[frame[0, 0]])
+    frames = ((k * 10**6, np.broadcast_to(k, (480, 640))) for k in range(len(found)))
+    return checkerboard.calibrate_intrinsics(frames, (8, 5), 0.03)
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.0175])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_board_that_was_never_tilted_tells_no_focal_length(monkeypatch, tilt_rad, seed):
+    with pytest.raises(ValueError, match=r"is known to \d+ px only.*tilt it"):
+        calibrated(monkeypatch, views_of_a_board(tilt_rad, seed=seed))
+
+
+@pytest.mark.parametrize("tilt_rad", [0.06, 0.2, 0.5])
+def test_a_focal_length_is_as_far_off_as_it_says(monkeypatch, tilt_rad):
+    """By the errors' mean square in standard deviations, which is 1, over twelve boards."""
+    off = []
+    for seed in range(12):
+        camera, facts = calibrated(monkeypatch, views_of_a_board(tilt_rad, seed=seed))
+        off.append((camera.fx_px - 520) / facts["sigma_px"][0])
+    assert 0.2 < np.mean(np.square(off)) < 2.5
+
+
+def test_a_board_that_stands_still_is_one_view(monkeypatch):
+    found = views_of_a_board(0.5, 3)
+    still = [view + np.float32(0.1 * k) for view in found for k in range(10)]
+    with pytest.raises(ValueError, match="is seen in 3 views that differ, and 8 are needed"):
+        calibrated(monkeypatch, still)
+
+
+def test_the_first_calibration_of_a_sensor(tmp_path, capsys):
+    """Of pictures without times, and without a camera from before; written where it is read."""
+    camera = Camera(320, 240, 300.0, 301.0, 161.0, 119.0)
+    recording = standin.simulate_checkerboard(camera, views=20)
+    (tmp_path / "board").mkdir()
+    for k, frame in enumerate(recording.frames):
+        cv2.imwrite(str(tmp_path / "board" / f"{k}.png"), frame)
+    command = "calibrate", tmp_path / "board", "--board", "8x5", "-o", tmp_path / "c.yaml"
+    code, out, err = run(capsys, *command)
+    assert code == 0 and " views, " in out and not err
+    assert Camera.load(tmp_path / "c.yaml").fx_px == pytest.approx(300, rel=0.01)
+    code, _, err = run(capsys, *command, "--overwrite", "--free")
+    assert code == 1 and "calibrates a camera, no rig; leave --free out" in err

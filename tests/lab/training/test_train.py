@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from lmmap.pipeline import network, weights
 from lmmap.settings import PAPER
 from lmmap.types import InputError
-from lmmap_lab.training import augment, dataset, train
+from lmmap_lab.training import augment, dataset, learning, train
 from lmmap_lab.training.recipe import Recipe
 
 
@@ -275,3 +275,15 @@ def test_the_rate_falls_along_one_cosine(toy):
         patch.setattr(torch.optim.Adam, "step", step)
         train.train(Recipe("ring", "event", steps=4, batch=2, warm_up=1, rate=0.1), toy, quiet)
     np.testing.assert_allclose(rates, [0.1, 0.05 + 0.05 / np.sqrt(2), 0.05, 0.05 - 0.05 / np.sqrt(2)])
+
+
+def test_drawing_a_network_s_weights_leaves_torch_s_generator_alone():
+    """And the seed, as torch itself understands it, decides them."""
+    recipe = Recipe("ring", "rgb", "low", seed=3)
+    torch.manual_seed(3)
+    expected = network.FilterNet(network.CHANNELS["rgb"], 0.1, recipe.widths, recipe.depthwise).state_dict()
+    torch.manual_seed(5)
+    before = torch.random.get_rng_state()
+    drawn = learning.untrained(recipe, 0.1).state_dict()
+    assert torch.equal(torch.random.get_rng_state(), before)
+    assert all(torch.equal(drawn[name], expected[name]) for name in expected)

@@ -25,7 +25,7 @@ def info(store, camera, capital, **changes):
                "p": np.array([300.0, 0, 173, 0, 0, 301, 130, 0, 0, 0, 1, 0])}  # fmt: skip
     numbers = {(n.upper() if capital else n): v for n, v in numbers.items()}
     changes = {(n.upper() if capital and len(n) == 1 else n): v for n, v in changes.items()}
-    roi = store.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    roi = store.types["sensor_msgs/msg/RegionOfInterest"](*changes.pop("roi", (0, 0, 0, 0)), False)
     return {"height": camera.height_px, "width": camera.width_px, "distortion_model": name, "binning_x": 0,
             "binning_y": 0, "roi": roi} | numbers | changes  # fmt: skip
 
@@ -107,8 +107,43 @@ def test_a_camera_info_that_cannot_be_used(bag, of):
         warnings.simplefilter("always")
         assert open_recording(path).camera == Camera.davis346()
     said = [str(n.message) for n in notes]
-    assert said[-1].endswith("taking the nominal DAVIS 346")
-    assert ("'magic' is none of" in said[0]) == (of == "a lens that is unknown")
+    reason = {"no numbers": "was not calibrated", "another size": "it is for 64 x 48 px, not 346 x 260",
+              "a lens that is unknown": "'magic' is none of"}[of]  # fmt: skip
+    assert len(said) == 1 and said[0].endswith("taking the nominal DAVIS 346")
+    assert "its own calibration /dvs/camera_info is not used" in said[0] and reason in said[0]
+
+
+WHOLE = Camera(692, 520, 648.0, 646.0, 345.0, 260.0, CAMERA.distortion)  # and images of 346 x 260 px of it
+
+
+@pytest.mark.parametrize(
+    "more, f, centre, said",
+    [
+        ({"roi": (100, 50, 260, 346)}, 1, (245.0, 210.0), r"at \(100, 50\), 346 x 260 px"),
+        ({"roi": (100, 50, 260, 346), "width": 346, "height": 260}, 1, (245.0, 210.0), r"at \(100, 50\)"),
+        ({"binning_x": 2, "binning_y": 2}, 2, (172.25, 129.75), "2 x 2 pixels binned to one$"),
+        ({"binning_x": 2, "binning_y": 2, "roi": (0, 0, 520, 692)}, 2, (172.25, 129.75), "2 x 2 pixels"),
+    ],
+)
+def test_images_of_a_region_of_the_sensor(bag, more, f, centre, said):
+    """The numbers are the whole sensor's; a pixel of n has its centre between them."""
+    with pytest.warns(
+        UserWarning, match=f"own calibration /dvs/camera_info, of its region of interest .*{said}"
+    ):
+        camera = open_recording(bag(("/dvs/camera_info", WHOLE, more))).camera
+    assert camera == Camera(346, 260, 648.0 / f, 646.0 / f, *centre, CAMERA.distortion)
+
+
+def test_a_region_that_the_images_do_not_know_moves_nothing(bag):
+    path = bag(("/dvs/camera_info", CAMERA, {"roi": (10, 10, 100, 200), "binning_x": 2}))
+    with pytest.warns(UserWarning, match=r"own calibration /dvs/camera_info$"):
+        assert open_recording(path).camera == CAMERA
+
+
+def test_the_projection_is_of_the_whole_sensor_too(bag):
+    path = bag(("/dvs/camera_info", WHOLE, {"roi": (30, 20, 260, 346)}), image="/dvs/rect/image")
+    with pytest.warns(UserWarning, match="region of interest at"):
+        assert open_recording(path).camera == Camera(346, 260, 300.0, 301.0, 143.0, 110.0)
 
 
 # --- HDF5 -----------------------------------------------------------------------------------------
@@ -158,12 +193,11 @@ def test_of_two_cameras_the_other_one_is_named_and_can_be_chosen(tmp_path, place
 
 def test_an_hdf5_calibration_that_is_not_understood(tmp_path):
     path = m3ed(tmp_path / "e.h5", Camera(640, 480, 500.0, 500.0, 320.0, 240.0), distortion_model="fov")
-    with (
-        pytest.warns(
-            UserWarning, match="its own calibration prophesee/left/calib is not used .*'fov' is none of"
-        ),
-        pytest.raises(InputError, match="no calibration for 640 x 480 px"),
-    ):
+    text = "its own calibration prophesee/left/calib is not used .*'fov' is none of.*; give one with --camera"
+    with pytest.raises(InputError, match=text):
+        open_recording(path)
+    path = m3ed(tmp_path / "e.h5", Camera(640, 480, 500.0, 500.0, 320.0, 240.0), distortion_model=3.0)
+    with pytest.raises(InputError, match="'unreadable' is none of"):
         open_recording(path)
     assert open_stream(m3ed(tmp_path / "e.h5", CAMERA, intrinsics=3.0), CAMERA).camera == CAMERA
 

@@ -130,11 +130,12 @@ def test_folder_of_images(tmp_path, named):
     folder.mkdir()
     for i, f in enumerate(frames):
         cv2.imwrite(str(folder / f"{i:04d}.png"), f[..., ::-1])
-    lines = [f"{(START_US + i) / 1e6:.6f}" + f" {i:04d}.png" * named for i in range(3)]
+    lines = [f"{(START_US + 40_000 * i) / 1e6:.6f}" + f" {i:04d}.png" * named for i in range(3)]
     (folder / ("images.txt" if named else "timestamps.txt")).write_text("\n".join(lines))
     back = open_recording(folder, CAMERA)
     np.testing.assert_array_equal(back.frames, frames)
-    assert back.frames_t_us.tolist() == [START_US, START_US + 1, START_US + 2] and not len(back.events)
+    assert back.frames_t_us.tolist() == [START_US, START_US + 40_000, START_US + 80_000]
+    assert not len(back.events)
     (folder / "0001.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"0001\.png: not an image"):
         open_recording(folder, CAMERA)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import h5py
+import library_files
 import numpy as np
 import pytest
 from attack_directed import directed_files
@@ -22,7 +23,7 @@ from lmmap.recordings.hdf5_datasets import rows_at_once
 from lmmap.recordings.health import health
 from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_TIME_US
 from lmmap.recordings.pose_files import read_truth
-from lmmap.types import EVENT, Camera, InputError, Port
+from lmmap.types import EVENT, Camera, InputError, Port, Recording
 
 
 @pytest.fixture(scope="session")  # of a module, it would be made anew when a worker comes back to it
@@ -162,7 +163,9 @@ def test_numbers_of_a_ros2_bags_description(ros2_bag, tmp_path, key, value):
 
 
 @pytest.mark.parametrize("name", ["metadata.yaml", "*.mcap"])
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, *(lambda path, to=to: path.symlink_to(to) for to in ("/dev/zero", "/proc/version"))]
+)
 def test_no_pipes_and_devices_in_a_ros2_bags_folder(ros2_bag, tmp_path, name, make):
     bag = shutil.copytree(ros2_bag, tmp_path / "bag")
     (path,) = bag.glob(name)
@@ -362,3 +365,18 @@ def test_sound_files_are_still_read(tmp_path):
     for kind in (".aedat4", ".bag", ".h5", ".txt", "folder", ".avi"):
         back = open_recording(files[kind], CAMERA)
         assert len(back.events) + len(back.frames) >= 4, kind
+
+
+def test_an_aedat4_stream_without_a_kind_is_none(tmp_path):
+    """Its header's attribute is there, and empty."""
+    path = tmp_path / "e.aedat4"
+    e = np.zeros(10, EVENT)
+    e["t_us"] = np.arange(10)
+    library_files.aedat4(
+        Recording("e", CAMERA, e, np.zeros((0, 48, 64, 3), np.uint8), np.zeros(0, int)), path
+    )
+    content = path.read_bytes()
+    assert content.count(b">EVTS</attr>") == 1
+    path.write_bytes(content.replace(b">EVTS</attr>", b"></attr>    "))
+    with pytest.raises(InputError, match="expected events or frames of one size, found"):
+        open_stream(path, CAMERA)

@@ -1,7 +1,10 @@
 """Laws of pictures as recordings, and of sensors by name."""
 
+import os
+import re
 import struct
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -127,8 +130,11 @@ def test_pictures_come_in_the_order_of_their_numbers(tmp_path, name, timed):
     if timed:
         times = "".join(f"{k / 30:.6f}\n" for k in range(len(numbers)))
         (tmp_path / "timestamps.txt").write_text(times)
-    frames = open_recording(tmp_path, CAMERA, fps=None if timed else 30).frames
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        frames = open_recording(tmp_path, CAMERA, fps=None if timed else 30).frames
     assert frames[:, 0, 0, 0].tolist() == numbers
+    assert ["numbers" in str(note.message) for note in notes] == ([] if timed else [True])
 
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
@@ -195,3 +201,137 @@ def test_metadata_that_turn_an_image_are_named(tmp_path, name, write):
         open_recording(tmp_path / name, CAMERA)
     upright = Camera(48, 64, 60.0, 60.0, 23.5, 31.5)
     assert open_recording(tmp_path / name, upright).frames[0].shape == (64, 48, 3)
+
+
+# --- what else a folder holds -------------------------------------------------------------------------
+
+
+def folder_of(path, names, times=None):
+    path.mkdir(exist_ok=True)
+    for k, name in enumerate(names):
+        cv2.imwrite(str(path / name), np.full((48, 64, 3), k, np.uint8))
+    if times:
+        (path / "timestamps.txt").write_text("".join(f"{t}\n" for t in times))
+    return path
+
+
+TIMES_US = [1_000_000, 1_033_333, 1_066_667, 1_100_000]
+
+
+@pytest.mark.parametrize("unit, factor", [("ns", 1000), ("ms", 1e-3), ("s", 1e-6), ("us", 1)])
+@pytest.mark.parametrize("form", [int, float])
+def test_a_list_s_unit_is_doubted_and_settled_by_a_word(tmp_path, unit, factor, form):
+    """Whole numbers are taken as microseconds and others as seconds; whole seconds say too little."""
+    stored = [form(t * factor) for t in TIMES_US]
+    folder = folder_of(tmp_path / "f", [f"{k}.png" for k in range(4)], stored)
+    atol = {"ms": 1000, "s": 10**6}.get(unit, 1) if form is int else 1
+    np.testing.assert_allclose(
+        open_recording(folder, CAMERA, time_unit=unit).frames_t_us, TIMES_US, atol=atol
+    )
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        open_stream(folder, CAMERA)
+    expected = unit != {int: "us", float: "s"}[form]
+    assert [f"--time-unit {unit}" in str(n.message) or unit == "s" for n in notes] == [True] * expected
+
+
+def test_times_of_a_list_have_one_unit(tmp_path):
+    folder = folder_of(tmp_path / "f", ["0.png", "1.png", "2.png"], ["0", "0.05", "1e-1"])
+    assert open_recording(folder, CAMERA).frames_t_us.tolist() == [0, 50_000, 100_000]
+    content = (folder / "timestamps.txt").read_bytes()
+    (folder / "timestamps.txt").write_bytes(b"\xef\xbb\xbf" + content.replace(b"\n", b"\r\n"))  # of Windows
+    assert open_recording(folder, CAMERA).frames_t_us.tolist() == [0, 50_000, 100_000]
+
+
+def test_a_rate_and_a_list_are_one_too_many(tmp_path):
+    folder = folder_of(tmp_path / "f", ["0.png", "1.png"], [0, 50_000])
+    with pytest.warns(UserWarning, match=r"the times in its timestamps\.txt are not used"):
+        assert open_recording(folder, CAMERA, fps=10).frames_t_us.tolist() == [0, 100_000]
+    with pytest.raises(InputError, match="--fps makes the times, so they have no --time-unit; leave one out"):
+        open_recording(folder, CAMERA, fps=10, time_unit="ns")
+
+
+@pytest.mark.parametrize(
+    "numbers, places, said",
+    [
+        ((0, 1, 2, 12, 13, 14), (0, 1, 2, 12, 13, 14), "9 numbers are missing .* after frame000002"),
+        ((5, 15, 25, 45), (0, 1, 2, 4), "1 numbers are missing"),
+        ((7, 8, 9), (0, 1, 2), None),
+        ((10, 20, 30), (0, 1, 2), None),
+        ((3, 17, 18, 40), (0, 1, 2, 3), "irregular, and not used"),
+    ],
+)
+def test_times_follow_the_numbers(tmp_path, numbers, places, said):
+    folder = folder_of(tmp_path / "f", [f"frame{k:06d}.png" for k in numbers])
+    with warnings.catch_warnings(record=True) as notes:
+        warnings.simplefilter("always")
+        t_us = open_recording(folder, CAMERA, fps=20).frames_t_us.tolist()
+    assert t_us == [50_000 * k for k in places]
+    assert [bool(re.search(said, str(n.message))) for n in notes] == [True] if said else not notes
+
+
+def test_what_a_file_browser_adds_is_no_picture(tmp_path):
+    folder = folder_of(tmp_path / "f", ["a1.png", "a2.PNG", "a3.png"])
+    for name in ("._a1.png", ".DS_Store", "Thumbs.db", "desktop.ini", ".hidden.jpg", "a1.png.xmp"):
+        (folder / name).write_bytes(b"\0\5\x16\7 not a picture")
+    (folder / "thumbnails.png").mkdir()
+    assert open_recording(folder, CAMERA, fps=1).frames[:, 0, 0, 0].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    "more", [["a1 (1).png", "a2 (1).png"], ["a1 copy.png"], ["b1.png", "b2.png"], ["thumb_a1.png"]]
+)
+def test_copies_and_second_cameras_are_named(tmp_path, more):
+    folder = folder_of(tmp_path / "f", ["a1.png", "a2.png", "a3.png", *more])
+    with pytest.warns(UserWarning, match="are named in 2 ways, a# .3.*; keep one camera's, and no copies"):
+        open_stream(folder, CAMERA, fps=1)
+
+
+def test_one_picture_in_two_formats(tmp_path):
+    folder = folder_of(tmp_path / "f", ["a1.png", "a1.jpg", "a2.png"])
+    with pytest.raises(InputError, match=r"in several formats, a1\.(jpg|png), a1\.(jpg|png): keep one"):
+        open_stream(folder, CAMERA, fps=1)
+
+
+# --- videos -----------------------------------------------------------------------------------------
+
+
+def video(path, code, count=12):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 20, (64, 48))
+    for k in range(count):
+        writer.write(some_picture(k))
+    writer.release()
+    return bytearray(path.read_bytes())
+
+
+@pytest.mark.parametrize(
+    "name, code",
+    [("v.avi", "MJPG"), ("v.avi", "XVID"), ("v.mkv", "MJPG"), ("v.mkv", "VP90"), ("v.mp4", "vp09")],
+)
+def test_a_video_that_lost_images_says_so(tmp_path, name, code):
+    path, seen = tmp_path / name, []
+    content = video(path, code)
+    assert len(open_recording(path, CAMERA).frames) == 12  # without a word
+    cut, hole = content[: int(0.6 * len(content))], bytearray(content)
+    hole[len(hole) // 2 : len(hole) // 2 + 900] = bytes(900)
+    for damaged in (cut, hole):
+        path.write_bytes(damaged)
+        if damaged is cut and name == "v.mp4":  # whose index lies at its end
+            with pytest.raises(InputError, match="no frame can be decoded"):
+                open_recording(path, CAMERA)
+            continue
+        with pytest.warns(UserWarning, match=r"holds \d+ of the 12 images that its header promises"):
+            seen.append(len(open_recording(path, CAMERA).frames))
+    assert all(0 < n < 12 for n in seen)
+
+
+def test_threads_that_read_videos_leave_stderr_as_it_is(tmp_path):
+    for k in range(4):
+        video(tmp_path / f"{k}.avi", "MJPG")
+    before = os.fstat(2)
+    with ThreadPoolExecutor(4) as threads:
+        counts = threads.map(
+            lambda k: len(open_recording(tmp_path / f"{k % 4}.avi", CAMERA).frames), range(8)
+        )
+        assert [*counts] == [12] * 8
+    assert os.path.samestat(before, os.fstat(2))

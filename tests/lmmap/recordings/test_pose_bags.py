@@ -164,6 +164,7 @@ def test_what_a_bag_cannot_do_is_one_line(tmp_path, lmmap):
         (["-o", tmp_path / "p.mcap", "--resume"], "a bag cannot be resumed"),
         (["-o", tmp_path / "p.mcap", "--track", "--between", "50"], "cannot mark poses"),
         (["-o", tmp_path / "p.bag", "--frame-id", "/a"], "give two names"),
+        (["-o", tmp_path / "p.bag", "--frame-id", "a\udcff"], "give two names"),
         (["-o", tmp_path / "p.csv", "--frame-id", "a"], "frames have names in bags only"),
     ):
         code, out, err = lmmap(*command, *words)

@@ -2,6 +2,7 @@
 
 import struct
 
+import apsw
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from foreign_files import KINDS, STORE, array, bag, header, image, packet
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lmmap.cli import main
+from lmmap.recordings import bounded_bag2
 from lmmap.recordings.formats import open_recording, open_stream
+from lmmap.recordings.limits import MAX_CHUNK_BYTES
 from lmmap.types import EVENT, Camera, InputError
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -200,3 +203,46 @@ def test_time_that_runs_back_is_an_error(tmp_path):
     messages = [("/e", array(events[200:]), START_US), ("/e", array(events[:200]), START_US + 1)]
     with pytest.raises(InputError, match="runs backward"):
         open_recording(bag(tmp_path / "b", messages), CAMERA)
+
+
+@pytest.mark.parametrize("mode", ["wal", "persist"])
+def test_messages_that_lie_beside_a_database_are_not_left_out(tmp_path, mode):
+    """As a recorder leaves them that was killed; a log that is empty is none."""
+    path = bag(tmp_path / "b", [("/i", image(some_frame(), START_US), START_US)], StoragePlugin.SQLITE3)
+    (file,) = path.glob("*.db3")
+    log = file.with_name(file.name + {"wal": "-wal", "persist": "-journal"}[mode])
+    log.touch()
+    assert len(open_recording(file, CAMERA).frames) == 1
+    log.write_bytes(bytes(100))
+    for name in (file, path):
+        with pytest.raises(
+            InputError, match=rf"its last messages lie in {log.name} .*sqlite3 {file.name} vacuum"
+        ):
+            open_recording(name, CAMERA)
+
+
+def test_a_database_s_name_is_no_address(tmp_path):
+    path = bag(tmp_path / "b", [("/i", image(some_frame(), START_US), START_US)], StoragePlugin.SQLITE3)
+    (file,) = path.glob("*.db3")
+    odd = file.rename(tmp_path / "50%23 left #1 a?b.db3")
+    assert len(open_recording(odd, CAMERA).frames) == 1
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_bag_s_folder_without_its_description(tmp_path, storage):
+    path = bag(tmp_path / "b", [("/i", image(some_frame(), START_US), START_US)], storage)
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(
+        InputError, match=r"b: a folder of 1 recordings, .*metadata\.yaml is missing: run ros2 bag"
+    ):
+        open_recording(path, CAMERA)
+
+
+def test_reading_bags_changes_the_libraries_for_nobody_else():
+    """The table of the library's decompressors, its database's limits, and hooks for all connections."""
+    from rosbags.rosbag2 import storage_mcap, storage_sqlite3
+
+    assert all(f.__module__ == storage_mcap.__name__ for f in storage_mcap.DECOMPRESSORS.values())
+    assert not apsw.connection_hooks and storage_sqlite3.apsw is apsw
+    assert apsw.Connection(":memory:").limit(apsw.SQLITE_LIMIT_LENGTH) > MAX_CHUNK_BYTES
+    assert bounded_bag2.BoundedMcap.__mro__[1] is not storage_mcap.McapReader
