@@ -28,7 +28,9 @@ def check_image(image, modality: str, camera: Camera) -> None:
     if modality == "event":
         if image.ndim != 2:
             raise ValueError(f"{got}; frames are for modality='rgb'")
-        if image.dtype.kind not in "iuf" or (image.dtype.kind != "u" and not image.min() >= 0):
+        if image.dtype.kind not in "iuf" or (
+            image.dtype.kind != "u" and not (image.min() >= 0 and image.max() < np.inf)
+        ):
             raise ValueError(f"{got}; counts are numbers from 0")
         return
     if image.shape[2:] != (3,):

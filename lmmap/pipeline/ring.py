@@ -29,9 +29,9 @@ def find_ring(
     """The ring's contour in a mask (H, W), free of lens distortion; or why there is none.
 
     It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
-    of it.  A stroke much wider than the port's ring, for its size, is none.
+    of it.
     """
-    if near is not None and (ring := follow(near, mask, strip_px(near, port, settings), camera, settings)):
+    if near is not None and (ring := follow(near, mask, port, camera, settings)):
         return ring
     for peak_share in (settings.peak_share, 0.0):
         points = skeleton_points(mask, settings.mask_threshold, peak_share)
@@ -46,23 +46,19 @@ def find_ring(
     else:
         return status
     ring = contour.trace(fitted, mask, strip_px(fitted, port, settings), camera, settings)
-    if ring and ring.width > settings.widest_stroke * stroke(port):
+    if ring and not _is_ports(ring, port, camera, settings):
         return Status.NO_ELLIPSE
     return _scored(ring or contour.from_points(fitted, points[inliers]), points, mask, camera)
 
 
 def follow(
-    expected: Ellipse, mask: np.ndarray, half_width_px: float, camera: Camera, settings: Settings = OURS
+    expected: Ellipse, mask: np.ndarray, port: Port, camera: Camera, settings: Settings = OURS
 ) -> Contour | None:
-    """The contour that a mask has about the expected ellipse; None unless the mask alone, without the
-    expectation, passes the gates that hold for any ring.
-
-    Parameters
-    ----------
-    half_width_px : of the strip about the ellipse in which the mask's stroke is looked for
-    """
+    """Trace the contour around the expected ellipse.  Return None if the mask by itself fails the checks that
+    apply to any ring."""
+    half_width_px = strip_px(expected, port, settings)
     ring = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(2,))
-    if ring is None:
+    if ring is None or not _is_ports(ring, port, camera, settings):
         return None
     major, minor = ring.ellipse.semi_axes_px
     if minor < settings.min_axis_ratio * major or major < settings.min_semi_major_px:
@@ -71,6 +67,11 @@ def follow(
     if ring.arc_coverage < settings.min_arc_coverage:
         return None
     return ring if ring.score >= settings.min_arc_coverage * settings.mask_threshold else None
+
+
+def _is_ports(ring: Contour, port: Port, camera: Camera, settings: Settings) -> bool:
+    """Whether a traced ring is the view of a circle whose stroke is hardly wider than the port's at its size."""
+    return ring.width <= settings.widest_stroke * stroke(port) and is_view(ring.ellipse, camera)
 
 
 def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:

@@ -63,7 +63,7 @@ class MotionState:
             For a time before the state's.
         """
         dt = (t_us - self.t_us) * 1e-6
-        if dt < 0:
+        if not dt >= 0:  # NaN neither
             raise ValueError(f"t_us: expected {self.t_us} or later, got {t_us}")
         if dt == 0:
             return self

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..pipeline.estimator import Estimator
+from ..pipeline.inputs import check_image
 from ..types import Estimate, Status, check_time
 from .between import Between
 from .crop import expected_ring
@@ -48,7 +49,7 @@ class Tracker:
         between = between if events else plain
         self._track, self._support, self._has_events = Between(first.camera, first.port, between), 0, events
         self._last_us: dict[str, int] = {}  # of each camera's last image
-        self._since_full = 0
+        self._since_full = dict.fromkeys(self.estimators, 0)
         self.discord = Discord(first.port.yaw_period_rad, self.settings)  # of two cameras
 
     def __call__(self, image: np.ndarray, t_us: int, wider: tuple[int, np.ndarray] | None = None) -> Estimate:
@@ -74,22 +75,25 @@ class Tracker:
         Raises
         ------
         ValueError
-            For a time that repeats or goes back, and as `Estimator`.
+            For a time that repeats or goes back, and as `Estimator`.  The track is then as before.
         """
         modality = "rgb" if np.ndim(image) == 3 else "event"
         if modality not in self.estimators:
             raise ValueError(f"image: expected one of {list(self.estimators)}, got shape {np.shape(image)}")
-        self._keep_time(t_us, modality)
+        if wider is not None and not (isinstance(wider, tuple) and len(wider) == 2):
+            raise ValueError(f"wider: expected a time and a histogram, got {wider!r:.40}")
+        looks = [(t_us, image), *([wider] if wider else [])]
+        for look_us, look in looks:
+            check_time("t_us", look_us)
+            check_image(look, modality, self.estimators[modality].camera)
+        self._check_order(t_us, modality)
+        if wider and wider[0] > t_us:
+            raise ValueError(f"wider: expected a time until {t_us} us, got {wider[0]} us")
+        e, fits = self._best(modality, [look for look in looks if look[0] >= self._track.first_us])
+        self._last_us[modality] = t_us
         if self._predict(t_us) is None:
             self._support = 0
-        looks = [(t_us, image)] + ([wider] if wider and wider[0] >= self._track.first_us else [])
-        unfit = {}  # of each look its last estimate
-        for e in self._measure(modality, looks):
-            if self._fits(modality, e):
-                return self._answer(e, modality, fits=True)
-            unfit[e.t_us] = e
-        best = max(unfit.values(), key=lambda e: e.T_cam_port is not None)
-        return self._answer(best, modality, fits=False)
+        return self._answer(e, modality, fits)
 
     def add_events(self, events) -> int:
         """Correct the pose by the events since the last image, or a part of them; returns how many updates
@@ -118,17 +122,25 @@ class Tracker:
 
         ``predicted`` after the last image that showed the port: events follow edges, and do not say whose.
         """
+        check_time("t_us", t_us)
         e = self._track.at(t_us)
         later = e.T_cam_port is not None and t_us > self._track.seen_us
         return self.discord.judged(replace(e, status=Status.PREDICTED) if later else e)
 
-    def _keep_time(self, t_us: int, modality: str) -> None:
-        check_time("t_us", t_us)
+    def _check_order(self, t_us: int, modality: str) -> None:
         last_us = self._last_us.get(modality, -np.inf)
         if t_us <= last_us or t_us < self._track.first_us:
             after_us = max(last_us, self._track.first_us)
             raise ValueError(f"t_us: expected later than {after_us} us, got {t_us} us")
-        self._last_us[modality] = t_us
+
+    def _best(self, modality: str, looks: Iterable[tuple[int, np.ndarray]]) -> tuple[Estimate, bool]:
+        """The first estimate that fits the track and True, or the last of a look with a pose and False."""
+        unfit = {}  # of each look its last estimate
+        for e in self._measure(modality, looks):
+            if self._fits(modality, e):
+                return e, True
+            unfit[e.t_us] = e
+        return max(unfit.values(), key=lambda e: e.T_cam_port is not None), False
 
     def _measure(self, modality: str, looks: Iterable[tuple[int, np.ndarray]]) -> Iterator[Estimate]:
         """Of each ``(t_us, image)`` the estimate about the predicted ring, and that of the whole image."""
@@ -137,10 +149,10 @@ class Tracker:
             state = self._predict(t_us)
             predicted = state and state.T_cam_port
             near = state and expected_ring(state, estimator.port, estimator.grid, estimator.settings)
-            self._since_full += 1
-            if near and self._since_full < self.settings.full_frame_every:
+            self._since_full[modality] += 1
+            if near and self._since_full[modality] < estimator.settings.full_frame_every:
                 yield replace(estimator(image, t_us, near), predicted=predicted)
-            self._since_full = 0
+            self._since_full[modality] = 0
             yield replace(estimator(image, t_us), predicted=predicted)
 
     def _predict(self, t_us: int) -> MotionState | None:

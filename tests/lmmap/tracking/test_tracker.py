@@ -149,6 +149,47 @@ def test_times_that_repeat_or_go_back_are_named(t_us):
         tracker.at(7)
 
 
+@pytest.mark.parametrize("image, t_us, wider", [
+    (np.zeros((2, 2, 3), np.uint8), 4 * STEP_US, None),
+    (None, 10**12, None),
+    (None, float("nan"), None),
+    (np.full((CAMERA.height_px, CAMERA.width_px), np.inf), 4 * STEP_US, None),
+    (np.full((CAMERA.height_px, CAMERA.width_px), -1.0), 4 * STEP_US, None),
+    (0, 4 * STEP_US, (4 * STEP_US, np.zeros((2, 2), int))),
+    (0, 4 * STEP_US, (5 * STEP_US, 0)),
+    (0, 4 * STEP_US, (float("nan"), 0)),
+    (0, 4 * STEP_US, 7),
+])  # fmt: skip
+def test_what_is_refused_changes_nothing(image, t_us, wider):
+    """An image that is refused, for itself or for its time, and the right one after it."""
+    scene, answers = Scene(approach(6)), []
+    for refused in (False, True):
+        tracker = Tracker(scene.estimator("event"))
+        for k in range(6):
+            if refused and k == 4:
+                with pytest.raises(ValueError, match=r"^(image|t_us|wider): "):
+                    bad = scene.histogram(4) if isinstance(image, int) else image
+                    shot = wider and (
+                        wider
+                        if wider == 7
+                        else (wider[0], scene.histogram(4) if isinstance(wider[1], int) else wider[1])
+                    )
+                    tracker(bad, t_us, shot)
+            answers.append(repr(tracker(scene.histogram(k), STEP_US * k)))
+    assert answers[:6] == answers[6:]
+
+
+@pytest.mark.parametrize("t_us", [float("nan"), float("inf"), None, "0"])
+def test_no_pose_is_told_of_a_time_that_is_none(t_us):
+    scene = Scene(approach(2))
+    for seen in (0, 2):
+        tracker = Tracker(scene.estimator())
+        for k in range(seen):
+            tracker(scene.image(k), STEP_US * k)
+        with pytest.raises(ValueError, match=r"t_us: expected .*, got "):
+            tracker.at(t_us)
+
+
 def test_between_images_the_pose_is_a_prediction_that_gets_looser():
     scene = Scene(approach(6))
     tracker = Tracker(scene.estimator())
@@ -172,6 +213,20 @@ def test_a_whole_image_is_looked_at_now_and_then():
         tracker(scene.image(k), STEP_US * k)
     full = np.flatnonzero(np.array(scene.pixels) == CAMERA.width_px * CAMERA.height_px)
     np.testing.assert_array_equal(full, [0, 4, 8])
+
+
+def test_each_camera_has_its_own_look_at_the_whole_image_now_and_then():
+    scene, every = Scene([approach(1)[0]] * 11), 4
+    both = [scene.estimator("rgb"), scene.estimator("event")]
+    for estimator in both:
+        estimator.settings = replace(SETTINGS, full_frame_every=every)
+    tracker, full = Tracker(*both), {"rgb": [], "event": []}
+    for k in range(11):
+        for modality, image in (("rgb", scene.image(k)), ("event", scene.histogram(k))):
+            scene.pixels.clear()
+            tracker(image, STEP_US * k)
+            full[modality] += [k] * (CAMERA.width_px * CAMERA.height_px in scene.pixels)
+    assert full == {"rgb": [0, 4, 8], "event": [3, 7]}  # the first frame already says where the port is
 
 
 def test_eight_threads_answer_as_one():
