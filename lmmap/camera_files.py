@@ -38,8 +38,7 @@ PORT = {
     **dict.fromkeys(("plate_height_m", "petal_rise_m", "petal_lean_m", "panel_depth_m"), OFFSET_M),
     **dict.fromkeys(("marker_size_m", "petal_widths_m", "panel_size_m"), (LENGTH_M, (2,))),
     "window_radius_m": WINDOW_M, "window_size_m": (WINDOW_M, (2,)),
-    **dict.fromkeys(("plate_height_tolerance", "marker_radius_tolerance",
-                     "marker_size_tolerance", "ring_width_tolerance"), TOLERANCE),
+    **dict.fromkeys(("plate_height_tolerance", "marker_radius_tolerance", "ring_width_tolerance"), TOLERANCE),
     "symmetry": (int, 1, 360),  # markers a turn; at a degree each they are one ring
 }  # fmt: skip
 

@@ -35,6 +35,17 @@ class PaperSettings:
 
 
 @dataclass(frozen=True)
+class Assumptions:
+    """What the paper's procedure needs and its text leaves open."""
+
+    mask_threshold: float = 0.5  # of the binarisation: the middle of the sigmoid's range
+    min_ring_pixels: int = 60  # gamma_S: as in our pipeline
+    ransac_hypotheses: int = 500  # H: as in our pipeline
+    min_axis_ratio: float = 0.25  # of the check on the axes: as in our pipeline, 75 deg of tilt
+    ransac_tolerance_px: float = 1.5  # of an inlier, by its Sampson distance: as in our pipeline
+
+
+@dataclass(frozen=True)
 class MotionSettings:
     """What the Kalman filter assumes; all but the gate chosen by ``tuning/tune_fusion.py``."""
 

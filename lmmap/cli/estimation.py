@@ -15,8 +15,7 @@ import numpy as np
 
 from ..drawing.overlay import Overlay
 from ..drawing.rerun_log import RerunLog
-from ..estimation.both import fused, in_accord
-from ..estimation.estimates import estimate_images
+from ..estimation.estimates import estimate_images, merge_by_time
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
@@ -25,6 +24,8 @@ from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream
 from ..settings import MODALITIES, Settings
+from ..tracking.discord import in_accord
+from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
 from . import plugins
@@ -148,7 +149,8 @@ def _answers(
     for m, estimator in estimators.items():
         part = files.enter_context(_journal(a, _part(a, m), "csv", m, {m: estimator}))
         parts[m] = _estimate_part(stream, estimator, a.rate, part, off_px)
-    answers = fused(parts, estimators["rgb"].port.yaw_period_rad, a.rate, a.recording)
+    period_rad = estimators["rgb"].port.yaw_period_rad
+    answers = fuse(merge_by_time(parts), period_rad, a.rate, name=str(a.recording))
     return ((None, e) for e in answers if not journal.has(e.t_us))
 
 

@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from ..estimation.both import fused
-from ..estimation.estimates import estimate
+from ..estimation.estimates import estimate, merge_by_time
 from ..evaluation import cells, error_table, truth_form
 from ..recordings.pose_files import read_truth
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
+from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port, Trajectory
 from . import plugins
 from .inputs import can_be_fused, make_estimator, open_input
@@ -38,7 +38,8 @@ def evaluate(a) -> None:
     port = estimators[single[0]].port
     estimates = {m: _estimates(stream, e, a.rate) for m, e in estimators.items()}
     if both and all(estimates.values()):
-        estimates["fused"] = list(fused(estimates, port.yaw_period_rad, a.rate, a.recording))
+        both = merge_by_time(estimates)
+        estimates["fused"] = list(fuse(both, port.yaw_period_rad, a.rate, name=str(a.recording)))
     tables = _error_tables(a, stream, estimates, port)
     reports = {m: error_table.report(table, len(estimates[m]) - len(table)) for m, table in tables.items()}
     summaries = {m: cells.summary(table) for m, table in tables.items()}

@@ -100,10 +100,10 @@ def _estimate_live(a, device, estimator) -> int:
             print(_line(e, late_ms, a.json), flush=True)
             return late_ms
 
-        count = estimator.settings.events_per_window
+        settings = estimator.settings
         take = _Between(tracker, a.between, tell) if a.between else None
         try:
-            for image in newest_images(device, a.modality, count, seconds=a.seconds, take_events=take):
+            for image in newest_images(device, a.modality, settings, seconds=a.seconds, take_events=take):
                 skipped += image.skipped + (image.t_us <= last_us)
                 if image.t_us <= last_us:  # a clock that stood still or went back
                     continue

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry.port import circle_points_m
 from ..geometry.projection import bearings, project, rescale_px
-from ..types import Camera, Estimate, Port
+from ..types import Camera, Estimate, Port, checked
 from .video import Video
 
 WIDTH_PX = 692  # of the pictures, at least: small sensors are enlarged by whole factors
@@ -23,6 +23,7 @@ COLOUR = {
 AXES = ((255, 60, 60), (80, 220, 80), (60, 140, 255))  # x, y, z of the port: red, green, blue
 
 
+@checked
 def draw(
     image: np.ndarray,
     estimate: Estimate,
@@ -102,7 +103,7 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
         text += f"  x {x:.0f}  y {y:.0f}  z {z:.0f} mm  marker {estimate.marker_score:.2f}"
     if estimate.confidence:
         text += f"  confidence {estimate.confidence:.2f}"
-    covariance = getattr(estimate, "covariance", None)
+    covariance = estimate.covariance
     if covariance is not None and np.all(np.isfinite(covariance)):
         text += f"  +- {1e3 * float(np.sqrt(np.trace(np.asarray(covariance)[:3, :3]))):.1f} mm"
     strip = np.zeros((28, width, 3), np.uint8)

@@ -14,7 +14,7 @@ import torch
 from ..pipeline import agreement
 from ..pipeline.crops import AT_ONCE, workers
 from ..pipeline.estimator import Estimator
-from ..types import AnyRecording, Estimate, InputError
+from ..types import AnyRecording, Estimate, InputError, checked
 from .images import TimedImage, timed_images
 
 
@@ -55,6 +55,7 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
         raise end
 
 
+@checked
 def estimate(
     recording: AnyRecording, estimator: Estimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..pipeline.histograms import window_histograms
 from ..pipeline.image_estimator import settings_for
-from ..settings import OURS, Settings
+from ..settings import Settings
 from ..types import EVENT, AnyRecording, concatenate_events
 from .windows import windows_at, windows_of
 
@@ -82,19 +82,21 @@ class LiveImage(NamedTuple):
 def newest_images(
     device,
     modality: str,
-    count: int,
+    settings: Settings,
     wait_s: float = 0.001,
     seconds: float | None = None,
     take_events: Callable[[np.ndarray], None] | None = None,
 ) -> Iterator[LiveImage]:
-    """The newest frame of a device, or the histogram of its newest ``count`` events once so many are new, as
-    long as it runs, or for so many seconds; a wider one where its time is after the image before.
+    """The newest frame of a device, or the histogram of its newest N events, as ``settings`` have it, once so
+    many are new, as long as it runs, or for so many seconds; a wider one where its time is after the image
+    before.
 
     Nothing queues: what could not be looked at in time is counted as skipped, so that a slow machine answers
     late for few images, not later and later for all.  ``take_events`` is called with all events (M,) that
     have come, before an image is made of them.
     """
     recent, fresh, before_us = np.zeros(0, EVENT), 0, None
+    count, factor = settings.events_per_window, settings.second_look_factor
     began = time.monotonic()
     while device.running() and (seconds is None or time.monotonic() - began < seconds):
         if not (pending := device.pending(modality)):
@@ -108,11 +110,11 @@ def newest_images(
         if take_events is not None and len(come):
             take_events(come)
         fresh += len(come)
-        recent = concatenate_events([recent, come])[-math.ceil(OURS.second_look_factor) * count :]
+        recent = concatenate_events([recent, come])[-math.ceil(factor) * count :]
         if fresh < count:
             time.sleep(wait_s)
             continue
         skipped, fresh = fresh // count - 1, 0
-        first, *wider = window_histograms(recent, count, device.size_px, before_us)
+        first, *wider = window_histograms(recent, count, device.size_px, before_us, factor)
         yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
         before_us = first[0]

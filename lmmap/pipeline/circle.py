@@ -7,11 +7,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.conics import FLATTEST, FURTHEST, cone, conic_from_ellipse, is_view
-from ..types import Camera, Ellipse, Pose
+from ..types import Camera, Ellipse, Pose, checked, frozen_numbers
 
 
+@checked
 def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     """Both poses ``T_cam_port`` of circles that project to the ellipses, batch (..., 2).
 
@@ -46,6 +48,7 @@ def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     return Pose(_frame(-n), p)
 
 
+@checked
 def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     """Both poses by the paper's formulas, batch (..., 2), ordered as in `poses`.
 
@@ -68,12 +71,14 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     return Pose(_frame(-n * _sign(np.sum(n * p, -1))), np.broadcast_to(p, n.shape))
 
 
+@checked
 def candidates(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
     both = [f(ellipse, camera, radius_m) for f in (poses, paper_poses)]
     return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
 
 
+@checked
 def axis_bearings(ellipse: Ellipse, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Unit bearings (..., 2, 3) of both ends of the major and of the minor axis of undistorted ellipses."""
     minor = _minor_direction(ellipse)
@@ -84,15 +89,19 @@ def axis_bearings(ellipse: Ellipse, camera: Camera) -> tuple[np.ndarray, np.ndar
     return v[..., 0, :, :], v[..., 1, :, :]
 
 
-def printed_centre(major, radius_m: float) -> np.ndarray:
+@checked
+def printed_centre(major: ArrayLike, radius_m: float) -> np.ndarray:
     """The paper's position (..., 3) of the ring, from the bearings (..., 2, 3) of the major axis' ends."""
+    major = frozen_numbers("major", major, 2, 3)
     along = np.linalg.norm(major[..., 1, :] - major[..., 0, :], axis=-1, keepdims=True)
     return radius_m * major.sum(-2) / along
 
 
-def points_on_sphere(v, p, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+@checked
+def points_on_sphere(v: ArrayLike, p: ArrayLike, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Where lines of sight (..., 3) enter and leave the sphere of a radius around p (..., 3); where they miss
     it, the point of the line nearest to p."""
+    v, p = frozen_numbers("v", v, 3), frozen_numbers("p", p, 3)
     along = np.sum(v * p, -1)
     discriminant = along**2 - np.sum(p * p, -1) + radius_m**2
     half_chord_m = np.sqrt(np.maximum(discriminant, 0))
@@ -126,7 +135,7 @@ def _sign(a) -> np.ndarray:
 
 
 def _check(ellipse: Ellipse, camera: Camera, radius_m: float) -> None:
-    if not radius_m > 0:
+    if not 0 < radius_m < np.inf:
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
     if not is_view(ellipse, camera):
         raise ValueError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -88,7 +89,17 @@ def at_once(*functions: Callable[[], object]) -> list:
 
 def workers(threads: int) -> ThreadPoolExecutor:
     """`AT_ONCE` threads that share so many of torch's."""
-    return ThreadPoolExecutor(AT_ONCE, "lmmap", torch.set_num_threads, (max(threads // AT_ONCE, 1),))
+    return ThreadPoolExecutor(AT_ONCE, "lmmap", _share, (threads,))
+
+
+def _share(threads: int) -> None:
+    """Give this thread its part of torch's threads.  torch would also give it to each thread that the caller
+    starts from now on, unless another one asks for the whole again."""
+    torch.get_num_threads()  # else torch's first loop in this thread takes the number of the last who asked
+    torch.set_num_threads(max(threads // AT_ONCE, 1))
+    other = threading.Thread(target=torch.set_num_threads, args=(threads,))
+    other.start()
+    other.join()
 
 
 @cache

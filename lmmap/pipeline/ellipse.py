@@ -6,6 +6,7 @@ Whether points belong to an ellipse is measured by the Sampson distance througho
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..geometry.conic_fit import (
     direct_fit,
@@ -16,13 +17,15 @@ from ..geometry.conic_fit import (
     to_pixels,
 )
 from ..geometry.conics import conic_matrix, ellipse_from_conic, monomials
-from ..settings import OURS, Settings
-from ..types import Ellipse
+from ..settings import OURS, Assumptions, Settings
+from ..types import Ellipse, checked
 
+SECTORS = 72  # of an arc: 5 degrees each
 MAX_SPREADS = 1e4  # that an axis may have of its points' spread: longer, they are a parabola's or a line's
 
 
-def fit(points_px) -> Ellipse:
+@checked
+def fit(points_px: ArrayLike) -> Ellipse:
     """Ellipse of least Sampson distance to points (M, 2), M >= 5, all of them inliers.
 
     Starts from the ellipse-specific algebraic fit (Halir & Flusser 1998).
@@ -32,10 +35,9 @@ def fit(points_px) -> Ellipse:
     ValueError
         If the points are fewer than five, not finite, or determine no ellipse.
     """
-    points = np.asarray(points_px, float)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 5:
+    points = _finite(points_px)
+    if len(points) < 5:
         raise ValueError(f"points_px: expected shape (M >= 5, 2), got {points.shape}")
-    points = _finite(points)
     x, centre, scale = normalise(points)
     theta = direct_fit(x)
     if theta is not None:
@@ -46,8 +48,9 @@ def fit(points_px) -> Ellipse:
     raise ValueError("points_px: expected points of an ellipse, got none that determine one")
 
 
+@checked
 def fit_ransac(
-    points_px, rng: np.random.Generator, settings: Settings = OURS
+    points_px: ArrayLike, rng: np.random.Generator, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
     """Ellipse through most of the points (M, 2), and which points lie on it (M,) bool.
 
@@ -81,8 +84,9 @@ def fit_ransac(
     return nothing
 
 
+@checked
 def paper_ransac(
-    points_px, rng: np.random.Generator, settings: Settings = OURS
+    points_px: ArrayLike, rng: np.random.Generator, settings: Settings | Assumptions = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
     """The paper's RANSAC as printed: H times five points, A..E of equation 1 with F = 1 in raw pixels, check
     of the axis ratio, count of inliers, refit of the best hypothesis on its inliers.
@@ -111,16 +115,20 @@ def paper_ransac(
     return (ellipse, best) if real else nothing
 
 
-def arc_coverage(ellipse: Ellipse, points_px, sectors: int = 72) -> float:
-    """Share of an ellipse's contour, by sectors of equal eccentric anomaly, that has a point."""
+@checked
+def arc_coverage(ellipse: Ellipse, points_px: ArrayLike) -> float:
+    """Share of an ellipse's contour, by `SECTORS` of equal eccentric anomaly, that has a point."""
     c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
-    local = (np.asarray(points_px, float).reshape(-1, 2) - ellipse.centre_px) @ np.array([[c, -s], [s, c]])
+    local = (_finite(points_px) - ellipse.centre_px) @ np.array([[c, -s], [s, c]])
     anomaly = np.arctan2(local[:, 1] / ellipse.semi_axes_px[1], local[:, 0] / ellipse.semi_axes_px[0])
-    return len(np.unique(((anomaly / (2 * np.pi)) % 1 * sectors).astype(int) % sectors)) / sectors
+    return len(np.unique(((anomaly / (2 * np.pi)) % 1 * SECTORS).astype(int) % SECTORS)) / SECTORS
 
 
 def _finite(points_px):
-    points = np.asarray(points_px, float).reshape(-1, 2)
+    points = np.asarray(points_px, float)
+    points = points if points.size else points.reshape(-1, 2)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"points_px: expected shape (M, 2), got {points.shape}")
     if not np.all(np.isfinite(points)):
         others = np.sum(~np.isfinite(points))
         raise ValueError(f"points_px: expected (M, 2) finite values, got {others} others")

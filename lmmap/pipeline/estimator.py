@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from ..settings import OURS, Settings
-from ..types import Estimate, Port, Status, check_time
+from ..types import Camera, Estimate, Port, Status, check_time
 from . import agreement, circle
 from .crops import mask_about
 from .image_estimator import ImageEstimator, Weights
-from .inputs import AnyCamera
 from .judge import judge, without_markers
 from .masks import Expected, look, markers_box_px
 from .network import TurnedToo
@@ -48,8 +48,8 @@ class Estimator(ImageEstimator):
         the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
     """
 
-    def __init__(self, camera: AnyCamera = None, port: Port | None = None, modality: str = "rgb",
-                 weights: Weights = OURS.weights, settings: Settings | None = None,
+    def __init__(self, camera: Camera | str | Path | None = None, port: Port | None = None,
+                 modality: str = "rgb", weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
         super().__init__(camera, port, modality, weights, settings, precision)
         self._enlarged = [
@@ -71,6 +71,8 @@ class Estimator(ImageEstimator):
         alone, and ``printed`` is left out.  An image whose ring is seen without a sure pose is looked at with
         its half turn as well.  Of a small sensor's histogram without a pose, larger ones are looked at."""
         check_time("t_us", t_us)
+        if near is not None and not isinstance(near, Expected):
+            raise ValueError(f"near: expected the place that masks.Expected says, got {near!r:.40}")
         estimate = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
         if near is not None:
             return estimate

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Integral
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..settings import OURS, PAPER
+from ..types import check_events, check_number, checked
 
 
-def windows(events, count: int = PAPER.events_per_window) -> list[slice]:
+@checked
+def windows(events: np.ndarray, count: int = PAPER.events_per_window) -> list[slice]:
     """Consecutive half-open windows of exactly ``count`` events.
 
     The tail of ``len(events) % count`` events that fills no window is dropped: it is
     ``events[count * len(windows(events, count)):]``.
     """
+    check_events(events)
     check_count(count)
     return [slice(i, i + count) for i in range(0, len(events) - count + 1, count)]
 
 
-def windows_before(events, t_us, count: int = PAPER.events_per_window) -> list[slice | None]:
+@checked
+def windows_before(
+    events: np.ndarray, t_us: Sequence[int] | np.ndarray, count: int = PAPER.events_per_window
+) -> list[slice | None]:
     """For each time, the window of the last ``count`` events strictly before it.
 
     None where fewer than ``count`` events have come yet.  Windows overlap if the times are close.
@@ -29,12 +37,16 @@ def windows_before(events, t_us, count: int = PAPER.events_per_window) -> list[s
     events : (M,) EVENT, sorted by ``t_us``
     t_us : (N,) int
     """
+    check_events(events)
     check_count(count)
-    stops = np.searchsorted(events["t_us"], np.asarray(t_us), side="left").tolist()
+    if np.ndim(t_us) != 1:
+        raise ValueError(f"t_us: expected times (N,), got {t_us!r:.60}")
+    stops = np.searchsorted(events["t_us"], t_us, side="left").tolist()
     return [slice(stop - count, stop) if stop >= count else None for stop in stops]
 
 
-def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
+@checked
+def histogram(x: ArrayLike, y: ArrayLike, size_px: tuple[int, int]) -> np.ndarray:
     """Events per pixel whatever their polarity, shape (height, width), uint16 (saturating).
 
     Parameters
@@ -50,6 +62,8 @@ def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
     """
     width, height = size_px
     x, y = np.asarray(x), np.asarray(y)
+    if x.shape != y.shape or x.ndim != 1:
+        raise ValueError(f"x, y: expected coordinates (M,) each, got {x.shape} and {y.shape}")
     for name, value, size in (("x", x, width), ("y", y, height)):
         if value.size and not (value.min() >= 0 and value.max() < size):
             raise ValueError(f"{name}: expected [0, {size}), got [{value.min()}, {value.max()}]")
@@ -58,13 +72,17 @@ def histogram(x, y, size_px: tuple[int, int]) -> np.ndarray:
     return np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
-def middle_us(events) -> int:
+@checked
+def middle_us(events: np.ndarray) -> int:
     """The middle of a window's span: the time of its histogram."""
+    if not len(check_events(events)):
+        raise ValueError("events: expected at least one, got none")
     return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2
 
 
+@checked
 def window_histograms(
-    events,
+    events: np.ndarray,
     count: int,
     size_px: tuple[int, int],
     after_us: int | None = None,
@@ -73,6 +91,9 @@ def window_histograms(
     """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last ``factor`` times as
     many, if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events'
     span."""
+    check_events(events)
+    check_count(count)
+    check_number("factor", factor, 1, 1e6)
     timed = []
     for number in dict.fromkeys((count, int(factor * count))):
         window = events[-number:]
@@ -83,5 +104,6 @@ def window_histograms(
 
 
 def check_count(count: int) -> None:
+    """ValueError unless windows may have so many events."""
     if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
         raise ValueError(f"count: expected at least 1, and a whole number, got {count!r:.40}")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..settings import OURS, Settings, scaled_count
-from ..types import Camera, Estimate, Port, check_time
-from .inputs import AnyCamera, as_camera, check_image
+from ..types import Camera, Estimate, Port, check_time, checked
+from .inputs import as_camera, check_image
 from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
 from .weights import load_networks, own_limit
 
@@ -32,10 +32,11 @@ class ImageEstimator:
         As `Estimator`.
     """
 
-    def __init__(self, camera: AnyCamera, port: Port | None, modality: str, weights: Weights,
+    @checked
+    def __init__(self, camera: Camera | str | Path | None, port: Port | None, modality: str, weights: Weights,
                  settings: Settings | None, precision: str):  # fmt: skip
         if modality not in ("rgb", "event"):
-            raise ValueError(f"{type(self).__name__}: modality is 'rgb' or 'event', got {modality!r}")
+            raise ValueError(f"modality: expected 'rgb' or 'event', got {modality!r}")
         self.camera, self.port = as_camera(camera), port or Port.lm_map()
         self.modality, self.settings = modality, settings or settings_for(self.camera)
         self.grid = network_camera(self.camera, modality, self.settings)
@@ -79,5 +80,5 @@ class ImageEstimator:
 
     def ring_mask(self, image: np.ndarray) -> np.ndarray:
         """The ring's mask (H, W) in the pixels of an image of the camera."""
-        mask = resample(self.ring_network(resample(image, self.grid)), self.camera)
+        mask = resample(self.ring_network(self.to_grid(image)), self.camera)
         return np.clip(mask, 0, 1)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..types import Camera
 
-AnyCamera = Camera | str | Path | None
 REMEDIES = {2: "repeat the grey values: np.dstack([image] * 3)", 4: "leave the fourth channel out"}
 
 
@@ -41,12 +40,8 @@ def check_image(image, modality: str, camera: Camera) -> None:
         raise ValueError(f"{got}; {scale if image.dtype.kind == 'f' else 'give uint8'}")
 
 
-def as_camera(camera: AnyCamera) -> Camera:
+def as_camera(camera: Camera | str | Path | None) -> Camera:
     """A camera, or that of a calibration file; None is the bench's DAVIS 346."""
     if camera is None:
         return Camera.davis346()
-    if isinstance(camera, str | Path):
-        return Camera.load(camera)
-    if not isinstance(camera, Camera):
-        raise ValueError(f"camera: expected a Camera or a calibration's path, got {type(camera).__name__}")
-    return camera
+    return camera if isinstance(camera, Camera) else Camera.load(camera)

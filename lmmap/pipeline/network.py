@@ -9,6 +9,7 @@ on the input within `RECEPTIVE_RADIUS_PX` only, which is what makes the method s
 from __future__ import annotations
 
 import os
+from copy import deepcopy
 from itertools import pairwise
 
 import numpy as np
@@ -149,7 +150,7 @@ class MaskNetwork:
         if self.precision not in PRECISIONS:
             raise ValueError(f"MaskNetwork: precision is 'auto' or of {list(PRECISIONS)}, got {precision!r}")
         self._dtype = PRECISIONS[self.precision]
-        self._net = net.eval().to(dtype=self._dtype, memory_format=torch.channels_last)
+        self._net = deepcopy(net).eval().to(dtype=self._dtype, memory_format=torch.channels_last)
 
     @torch.inference_mode()
     def __call__(self, image: np.ndarray) -> np.ndarray:

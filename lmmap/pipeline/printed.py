@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from ..geometry.conics import is_view
 from ..geometry.projection import undistort_points
-from ..settings import PAPER, PaperSettings, Settings
-from ..types import Estimate, Port, Status
+from ..settings import PAPER, Assumptions, PaperSettings, Settings
+from ..types import Camera, Estimate, Port, Status, checked
 from .circle import paper_poses
 from .ellipse import paper_ransac
 from .image_estimator import ImageEstimator, Weights, settings_for
-from .inputs import AnyCamera, as_camera
+from .inputs import as_camera
 from .masks import reflector_mask
 from .ring import skeleton_points
 from .yaw import paper_yaw
-
-
-@dataclass(frozen=True)
-class Assumptions:
-    """What the paper's procedure needs and its text leaves open."""
-
-    mask_threshold: float = 0.5  # of the binarisation: the middle of the sigmoid's range
-    min_ring_pixels: int = 60  # gamma_S: as in our pipeline
-    ransac_hypotheses: int = 500  # H: as in our pipeline
-    min_axis_ratio: float = 0.25  # of the check on the axes: as in our pipeline, 75 deg of tilt
-    ransac_tolerance_px: float = 1.5  # of an inlier, by its Sampson distance: as in our pipeline
 
 
 class PrintedEstimator(ImageEstimator):
@@ -52,9 +42,10 @@ class PrintedEstimator(ImageEstimator):
         What the text states.
     """
 
+    @checked
     def __init__(
         self,
-        camera: AnyCamera = None,
+        camera: Camera | str | Path | None = None,
         port: Port | None = None,
         modality: str = "rgb",
         weights: Weights = "low",

@@ -70,7 +70,7 @@ def follow(
 
 
 def _is_ports(ring: Contour, port: Port, camera: Camera, settings: Settings) -> bool:
-    """Whether a traced ring is the view of a circle whose stroke is hardly wider than the port's at its size."""
+    """Whether a traced ring is the view of a circle with a stroke hardly wider than the port's."""
     return ring.width <= settings.widest_stroke * stroke(port) and is_view(ring.ellipse, camera)
 
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..settings import Settings
-from ..types import Estimate, InputError, Port
+from ..types import Camera, Estimate, InputError, Port, checked
 from . import agreement
 from .estimator import Estimator
 from .image_estimator import Weights
-from .inputs import AnyCamera
 from .masks import Expected
 from .weights import DOMAIN_GAPS, load_card, network_paths
 
@@ -34,8 +33,9 @@ class SecondOpinion(Estimator):
 
     learned: Estimator | None = None  # the single looks of which an estimate is made have none
 
-    def __init__(self, camera: AnyCamera, port: Port | None, modality: str, weights: str | Path,
-                 settings: Settings | None = None, precision: str = "auto"):  # fmt: skip
+    @checked
+    def __init__(self, camera: Camera | str | Path | None, port: Port | None, modality: str,
+                 weights: str | Path, settings: Settings | None = None, precision: str = "auto"):  # fmt: skip
         super().__init__(camera, port, modality, Path(weights) / BEFORE, settings, precision)
         self.learned = Estimator(camera, port, modality, weights, settings, precision)
 
@@ -63,7 +63,7 @@ class SecondOpinion(Estimator):
         return both.judged(both.confidence, self.learned.settings.min_confidence[self.modality])
 
 
-def estimator_of(camera: AnyCamera, port: Port | None, modality: str, weights: Weights,
+def estimator_of(camera: Camera | str | Path | None, port: Port | None, modality: str, weights: Weights,
                  settings: Settings | None = None) -> Estimator:  # fmt: skip
     """A `SecondOpinion` of a folder whose networks of this modality have learned, of other weights an
     `Estimator`."""

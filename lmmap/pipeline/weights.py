@@ -115,7 +115,7 @@ def own_limit(weights: str | Path, modality: str) -> float:
     where the cards state none."""
     limits = [load_card(path).get("min_confidence", 0.0) for path in network_paths(weights, modality)]
     for limit in limits:
-        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 <= limit <= 2:
+        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 <= limit <= 1:
             raise InputError(
                 f"{weights}: a card's min_confidence is {limit!r:.40}, not a number from 0 to 1; restore it"
             )

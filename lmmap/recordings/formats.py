@@ -14,7 +14,7 @@ from pathlib import Path
 from .. import calibrations
 from ..camera_files import camera_of
 from ..files import CAMERA, beside, regular_file
-from ..types import Camera, InputError, Recording
+from ..types import Camera, InputError, Recording, checked
 from . import aedat4, event_stream, hdf5, images, prophesee, rosbag, rosbag2, sensors, tables
 from .bounded_bag2 import METADATA
 from .limits import check_times
@@ -23,7 +23,8 @@ from .stream import Source, Stream, input_errors
 from .units import UNITS
 
 
-def open_recording(path, camera: Camera | str | Path | None = None, **options) -> Recording:
+@checked
+def open_recording(path: str | Path, camera: Camera | str | Path | None = None, **options) -> Recording:
     """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
 
     ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over

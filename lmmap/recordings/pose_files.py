@@ -9,13 +9,14 @@ from __future__ import annotations
 import csv
 import io
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..files import atomic, read_text
-from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory
+from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory, checked
 from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
 from .units import likely_units
@@ -110,7 +111,8 @@ def _check_step(path, step_s: float, own: str) -> None:
     warnings.warn(f"{path}: {found}, and lines between them; {remedy}", stacklevel=3)
 
 
-def write_estimates(estimates: list[Estimate], path) -> None:
+@checked
+def write_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
     """Write one line an estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
     printed formula, certainty, and the upper triangle of the pose's covariance."""
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
@@ -140,7 +142,8 @@ def round_trip(e: Estimate) -> Estimate:
     return _estimate(as_row(e))
 
 
-def read_estimates(path) -> list[Estimate]:
+@checked
+def read_estimates(path: str | Path) -> list[Estimate]:
     """Read what `write_estimates` wrote; raises `InputError`."""
     return parse_estimates(read_text(path, MAX_ESTIMATES_BYTES), path)
 

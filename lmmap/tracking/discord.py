@@ -7,6 +7,7 @@ and that contradict those of the other camera throughout.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..types import Estimate, Status
 from .gate import innovation, match
 from .motion_model import MotionState
 
+WAITING = 20  # answers that wait for the first pair of poses
 TOLD = 3  # pairs of poses that contradict each other, from which on it is said
 
 
@@ -68,3 +70,16 @@ class Discord:
             text = f"the two cameras' poses contradict each other in {pairs}, so none is ok"
             question = "is one mirrored or turned (--flip), or on another clock?"
             warnings.warn(f"{name}: {text}; {question}", stacklevel=2)
+
+
+def in_accord(answers: Iterable[tuple], discord: Discord, name: str) -> Iterator[tuple]:
+    """``(image, estimate)`` as they come, ``unsure`` while the cameras contradict each other throughout; a
+    warning at the end says so.  The first answers wait until two poses have been compared."""
+    waiting = []
+    for image, e in answers:
+        waiting.append((image, e))
+        if discord.agreed or discord.contradicted or len(waiting) > WAITING:
+            yield from ((image, discord.judged(e)) for image, e in waiting)
+            waiting = []
+    yield from waiting
+    discord.tell(name)

@@ -25,12 +25,14 @@ import numpy as np
 
 from ..geometry.rotations import equal_turns
 from ..settings import OURS, MotionSettings, Settings
-from ..types import Estimate, Status, check_number, check_time
+from ..types import Estimate, Status, check_number, check_time, checked
+from .discord import Discord, in_accord
 from .gate import match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
 
 LEAST_HZ, MOST_HZ = 1e-6, 1e6  # of fused estimates: one in 12 days, or one a microsecond
+ROUNDED = 1e-6  # of a correlation: what a table's digits may take from a covariance's symmetry
 MOST_BELIEF = 1 - 1e-9  # so that odds are finite
 # how far a failed image came
 STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS, Status.UNSURE)
@@ -51,7 +53,6 @@ class Fusion:
     """
 
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
-        check_number("yaw_period_rad", yaw_period_rad, np.deg2rad(1), 2 * np.pi)
         self.motion, self.state, self.belief = motion, None, 0.0
         self._ahead: tuple[MotionState, MotionState] | None = None  # a state, and what was predicted from it
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
@@ -67,18 +68,16 @@ class Fusion:
         Raises
         ------
         ValueError
-            For different times, a time before the last, or a pose without covariance or confidence.
+            For different times, or a time before the last.
         """
         times = {e.t_us for e in estimates.values()}
         if len(times) != 1:
             raise ValueError(f"estimates: expected one time, got {sorted(times)}")
         (t_us,) = times
         check_time("t_us", t_us)
-        self._statuses |= {camera: e.status for camera, e in estimates.items()}
         seen = {camera: e for camera, e in estimates.items() if e.T_cam_port is not None}
-        for camera, e in seen.items():
-            _check(camera, e)
         track = self.predict(t_us)
+        self._statuses |= {camera: e.status for camera, e in estimates.items()}
         if track is None and seen:
             first = min(seen, key=lambda camera: np.linalg.slogdet(seen[camera].covariance)[1])
             track = self._begin(first, e := seen.pop(first), e.confidence)
@@ -147,17 +146,21 @@ class Fusion:
         return repetition(1e-6 * (t_us - self.seen_us[camera]), self.motion.correlation_s)
 
 
+@checked
 def fuse(
     timed: Iterable[tuple[str, Estimate]],
     yaw_period_rad: float,
     rate_hz: float | None = None,
     settings: Settings = OURS,
+    name: str = "fuse",
 ) -> Iterator[Estimate]:
     """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
     from the first, each of what came until then.
 
     Their ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
-    within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``.
+    within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``, as it
+    is while the cameras contradict each other throughout (`discord.in_accord`); a warning that begins with
+    ``name`` says so.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
     without markers counts for nothing: no marker confirms it.  Ticks of a gap, ``settings.motion.lost_s``
@@ -166,10 +169,26 @@ def fuse(
     Raises
     ------
     ValueError
-        For a period beyond 1 to 360 degrees, a rate beyond 1e-6 to 1e6 Hz, and as `Fusion.add`.
+        For a period beyond 1 to 360 degrees, a rate beyond 1e-6 to 1e6 Hz, a pose without covariance or
+        confidence, and as `Fusion.add`.
     """
+    check_number("yaw_period_rad", yaw_period_rad, np.deg2rad(1), 2 * np.pi)
     if rate_hz is not None:
         check_number("rate_hz", rate_hz, LEAST_HZ, MOST_HZ)
+    discord = Discord(yaw_period_rad, settings)
+
+    def heard() -> Iterator[tuple[str, Estimate]]:
+        for pair in timed:
+            camera, e = _check(pair)
+            discord.add(camera, e)
+            yield camera, e
+
+    answers = ((None, e) for e in _fused(heard(), yaw_period_rad, rate_hz, settings))
+    return (e for _, e in in_accord(answers, discord, name))
+
+
+def _fused(timed, yaw_period_rad: float, rate_hz: float | None, settings: Settings) -> Iterator[Estimate]:
+    """As `fuse`, whether the cameras contradict each other or not."""
     fusion, tick, first_us, last_us = Fusion(yaw_period_rad, settings.motion), 0, None, None
     for t_us, estimates in groupby(timed, key=lambda camera_estimate: camera_estimate[1].t_us):
         first_us, last_us = (t_us, t_us) if first_us is None else (first_us, last_us)
@@ -195,15 +214,29 @@ def _judged(fusion: Fusion, t_us: int, settings: Settings) -> Estimate:
     return e.judged(confidence, settings.min_fused_confidence)
 
 
-def _check(camera: str, e: Estimate) -> None:
+def _check(pair) -> tuple[str, Estimate]:
+    """A camera and its estimate; ValueError for anything else, or a pose that no filter can take."""
+    if not (isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[1], Estimate)):
+        raise ValueError(f"timed: expected pairs of a camera's name and an Estimate, got {pair!r:.60}")
+    camera, e = pair
+    check_time("t_us", e.t_us)
+    if e.T_cam_port is None:
+        return pair
     if e.covariance is None:
         raise ValueError(f"estimates: expected covariances, got none from {camera}")
-    if np.shape(e.covariance) != (6, 6) or not np.all(np.isfinite(e.covariance)):
+    if not np.all(np.isfinite(e.covariance)):
         raise ValueError(f"estimates: expected a finite covariance (6, 6), got another from {camera}")
     if not np.all((variances := np.diag(e.covariance)) > 0):
         raise ValueError(f"estimates: expected positive variances, got {variances.tolist()} from {camera}")
+    correlation = e.covariance / np.sqrt(np.outer(variances, variances))
+    lopsided = np.abs(correlation - correlation.T).max()
+    if lopsided > ROUNDED or (least := np.linalg.eigvalsh(correlation)[0]) <= 0:
+        fault = f"is not symmetric by {lopsided:.2g}" if lopsided > ROUNDED else f"has {least:.2g}"
+        expected = "a symmetric covariance with positive eigenvalues"
+        raise ValueError(f"estimates: expected {expected}, got one from {camera} whose correlation {fault}")
     if not 0 < e.confidence <= 1:
         raise ValueError(f"estimates: expected confidences in (0, 1], got {e.confidence} from {camera}")
+    return pair
 
 
 def _progress(status: Status) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..pipeline.estimator import Estimator
 from ..pipeline.inputs import check_image
-from ..types import Estimate, Status, check_time
+from ..types import Estimate, Status, check_time, checked
 from .between import Between
 from .crop import expected_ring
 from .discord import Discord
@@ -37,6 +37,7 @@ class Tracker:
         the livelier motion of ``settings.between``, which events can follow.
     """
 
+    @checked
     def __init__(self, *estimators: Estimator, events: bool = False):
         kinds = [e.modality for e in estimators]
         if not kinds or len(set(kinds)) < len(kinds):
@@ -52,6 +53,7 @@ class Tracker:
         self._since_full = dict.fromkeys(self.estimators, 0)
         self.discord = Discord(first.port.yaw_period_rad, self.settings)  # of two cameras
 
+    @checked
     def __call__(self, image: np.ndarray, t_us: int, wider: tuple[int, np.ndarray] | None = None) -> Estimate:
         """The pose at the time of an image, by it and by those before.
 
@@ -77,11 +79,9 @@ class Tracker:
         ValueError
             For a time that repeats or goes back, and as `Estimator`.  The track is then as before.
         """
-        modality = "rgb" if np.ndim(image) == 3 else "event"
+        modality = "rgb" if image.ndim == 3 else "event"
         if modality not in self.estimators:
-            raise ValueError(f"image: expected one of {list(self.estimators)}, got shape {np.shape(image)}")
-        if wider is not None and not (isinstance(wider, tuple) and len(wider) == 2):
-            raise ValueError(f"wider: expected a time and a histogram, got {wider!r:.40}")
+            raise ValueError(f"image: expected one of {list(self.estimators)}, got shape {image.shape}")
         looks = [(t_us, image), *([wider] if wider else [])]
         for look_us, look in looks:
             check_time("t_us", look_us)

@@ -7,18 +7,18 @@ centres.
 """
 
 from ..camera_files import InputError
-from .arrays import frozen_array
+from .arrays import frozen_array, frozen_numbers
 from .camera import Camera
-from .checks import check_number, check_time
+from .checks import check_number, check_time, checked
 from .ellipse import Ellipse
 from .estimate import Estimate, Status
-from .events import EVENT, concatenate_events, event_array, on_sensor
+from .events import EVENT, check_events, concatenate_events, event_array, on_sensor
 from .port import Port
 from .pose import Pose, Trajectory
 from .recording import AnyRecording, Recording
 
 __all__ = [
     "EVENT", "AnyRecording", "Camera", "Ellipse", "Estimate", "InputError", "Port", "Pose", "Recording",
-    "Status", "Trajectory", "check_number", "check_time", "concatenate_events", "event_array",
-    "frozen_array", "on_sensor",
+    "Status", "Trajectory", "check_events", "check_number", "check_time", "checked", "concatenate_events",
+    "event_array", "frozen_array", "frozen_numbers", "on_sensor",
 ]  # fmt: skip

@@ -10,3 +10,15 @@ def frozen_array(a, dtype=float) -> np.ndarray:
     a = np.array(a, dtype)
     a.setflags(write=False)
     return a
+
+
+def frozen_numbers(name: str, a, *last: int) -> np.ndarray:
+    """`frozen_array` of shape (..., *last); ValueError for anything else."""
+    try:
+        numbers = frozen_array(a)
+    except (TypeError, ValueError, OverflowError):
+        numbers = None
+    if numbers is None or numbers.shape[max(numbers.ndim - len(last), 0) :] != last:
+        shape = ", ".join(["...", *map(str, last)])
+        raise ValueError(f"{name}: expected numbers ({shape}), got {a!r:.60}")
+    return numbers

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from .. import camera_files
 from .arrays import frozen_array
+from .checks import check_fields, check_number, checked
 
+MOST = 1e9  # pixels
 MODELS = {"radtan": (1, 2, 3, 4, 5), "equidistant": (4,)}  # how many coefficients they take
 
 
@@ -31,11 +35,12 @@ class Camera:
     distortion_model: str = "radtan"
 
     def __post_init__(self):
-        values = (self.width_px, self.height_px, self.fx_px, self.fy_px, self.cx_px, self.cy_px)
-        if not np.all(np.isfinite([*values, *self.distortion])):
-            raise ValueError("Camera: every intrinsic must be finite")
-        if min(values[:4]) <= 0:
-            raise ValueError(f"Camera: sizes and focal lengths must be positive, got {values[:4]}")
+        check_fields(self)
+        for name in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"):
+            least = -MOST if name in ("cx_px", "cy_px") else 1 / MOST
+            check_number(name, getattr(self, name), least, MOST)
+        for value in self.distortion:
+            check_number("distortion", value, -MOST, MOST)
         if self.distortion_model not in MODELS:
             raise ValueError(f"Camera: distortion_model is one of {[*MODELS]}, got {self.distortion_model!r}")
         if len(self.distortion) not in (0, *MODELS[self.distortion_model]):
@@ -69,6 +74,7 @@ class Camera:
 
         The view, the lens and the frame stay, so a pose is the same in both.
         """
+        check_number("focal_px", focal_px, 1e-3, 1e6)
         width_px = max(round(self.width_px * focal_px / self.fx_px), 1)
         height_px = max(round(self.height_px * focal_px / self.fy_px), 1)
         x, y = width_px / self.width_px, height_px / self.height_px
@@ -78,7 +84,10 @@ class Camera:
         )  # fmt: skip
 
     @classmethod
-    def load(cls, path, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
+    @checked
+    def load(
+        cls, path: str | Path, size_px: tuple[int, int] | None = None, topics: Sequence[str] = ()
+    ) -> Camera:
         """Read our JSON, or a calibration of OpenCV, ROS, Kalibr, dv-processing, Metavision, COLMAP, RPG or
         SPEED+; raises `InputError`.
 
@@ -87,6 +96,7 @@ class Camera:
         """
         return cls(**camera_files.read_camera(path, cls, size_px, topics))
 
-    def save(self, path) -> None:
+    @checked
+    def save(self, path: str | Path) -> None:
         """Write the JSON that `load` reads."""
         camera_files.write_fields(path, self)

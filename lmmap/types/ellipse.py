@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import frozen_array
+from .arrays import frozen_numbers
+from .checks import check_number
 
 
 @dataclass(frozen=True)
@@ -19,14 +20,15 @@ class Ellipse:
     angle_rad: np.ndarray
 
     def __post_init__(self):
-        for name in ("centre_px", "semi_axes_px", "angle_rad"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        for name, last in (("centre_px", (2,)), ("semi_axes_px", (2,)), ("angle_rad", ())):
+            object.__setattr__(self, name, frozen_numbers(name, getattr(self, name), *last))
         if np.any(self.semi_axes_px[..., 1] > self.semi_axes_px[..., 0] * (1 + 1e-9)):
             raise ValueError(f"Ellipse: semi_axes_px, expected major first, got {self.semi_axes_px}")
 
     def points(self, count: int = 360) -> np.ndarray:
         """Points on the contour, shape (..., count, 2)."""
-        s = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        check_number("count", count, 0, 1e9)
+        s = np.linspace(0, 2 * np.pi, int(count), endpoint=False)
         a, b = self.semi_axes_px[..., :1], self.semi_axes_px[..., 1:]
         c, d = np.cos(self.angle_rad)[..., None], np.sin(self.angle_rad)[..., None]
         local = np.stack([a * np.cos(s) * c - b * np.sin(s) * d, a * np.cos(s) * d + b * np.sin(s) * c], -1)

@@ -7,6 +7,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from .arrays import frozen_numbers
+from .checks import checked
 from .ellipse import Ellipse
 from .pose import Pose
 
@@ -89,11 +91,16 @@ class Estimate:
     outside_training: bool = False
     markers_off_px: float | None = None
 
+    def __post_init__(self):
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", frozen_numbers("covariance", self.covariance, 6, 6))
+
     @property
     def found(self) -> Pose | None:
         """The pose, reported or doubtful."""
         return self.doubtful if self.T_cam_port is None else self.T_cam_port
 
+    @checked
     def judged(self, confidence: float, least: float) -> Estimate:
         """The estimate of a pose with this confidence: reported if that is at least so much, else
         ``unsure``."""

@@ -52,9 +52,24 @@ def event_array(t, x, y, p, *, offset_us: int = 0) -> np.ndarray:
     return events
 
 
+def check_events(events) -> np.ndarray:
+    """The same events; ValueError unless they are an array (M,) EVENT."""
+    if not isinstance(events, np.ndarray) or events.dtype != EVENT or events.ndim != 1:
+        got = f"{events.shape} {events.dtype}" if isinstance(events, np.ndarray) else f"{events!r:.40}"
+        remedy = "make them with lmmap.types.event_array"
+        raise ValueError(f"events: expected an array (M,) of t_us, x, y and p, got {got}; {remedy}")
+    return events
+
+
 def concatenate_events(chunks: Iterable[np.ndarray]) -> np.ndarray:
-    """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields."""
-    packed = (np.ascontiguousarray(chunk).view("V16") for chunk in chunks)
+    """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields.
+
+    Raises
+    ------
+    ValueError
+        For a chunk that is no array of events.
+    """
+    packed = (np.ascontiguousarray(check_events(chunk)).view("V16") for chunk in chunks)
     return np.concatenate([np.zeros(0, "V16"), *packed]).view(EVENT)
 
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .. import camera_files
-from .checks import check_number
+from .checks import check_fields, check_number, checked
 
-TOLERANCES = tuple(
-    f"{what}_tolerance" for what in ("plate_height", "marker_radius", "marker_size", "ring_width")
-)
+TOLERANCES = "plate_height_tolerance", "marker_radius_tolerance", "ring_width_tolerance"
 ROUNDING_M = 1e-9  # by which parts that touch may seem to overlap
 
 
@@ -44,14 +43,18 @@ class Port:
     window_size_m: tuple[float, float] = (0.0, 0.0)  # tangential, radial; zero: the plate has none
     plate_height_tolerance: float = 0.07
     marker_radius_tolerance: float = 0.01
-    marker_size_tolerance: float = 0.02  # of both sizes
     ring_width_tolerance: float = 0.05  # about the same centre line
 
     def __post_init__(self):
+        check_fields(self)
         if not 0 < self.ring_inner_radius_m < self.ring_radius_m < self.ring_outer_radius_m:
-            raise ValueError("Port: expected 0 < inner < centre-line < outer radius of the ring")
-        if self.symmetry < 1:
-            raise ValueError(f"Port: symmetry must be at least 1, got {self.symmetry}")
+            radii_m = self.ring_inner_radius_m, self.ring_radius_m, self.ring_outer_radius_m
+            raise ValueError(
+                f"inner, ring_radius_m, outer: expected 0 < inner < ring_radius_m < outer, got {radii_m}"
+            )
+        check_number("symmetry", self.symmetry, *camera_files.PORT["symmetry"][1:])
+        for name in ("plate_circumradius_m", "plate_height_m", "marker_radius_m"):
+            check_number(name, getattr(self, name), *camera_files.OFFSET_M[1:])
         for name in TOLERANCES:
             check_number(name, getattr(self, name), *camera_files.TOLERANCE[1:])
         for value in (self.window_radius_m, *self.window_size_m):
@@ -96,11 +99,13 @@ class Port:
         )
 
     @classmethod
-    def load(cls, path) -> Port:
+    @checked
+    def load(cls, path: str | Path) -> Port:
         """Read a JSON file with the fields of this class; raises `InputError`."""
         return cls(**camera_files.read_port(path, cls))
 
-    def save(self, path) -> None:
+    @checked
+    def save(self, path: str | Path) -> None:
         """Write the JSON that `load` reads."""
         camera_files.write_fields(path, self)
 

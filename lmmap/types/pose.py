@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
-from .arrays import frozen_array
-from .checks import frozen_times
+from .arrays import frozen_numbers
+from .checks import check_fields, checked, frozen_times
 
 
 @dataclass(frozen=True)
@@ -19,8 +20,8 @@ class Pose:
     position_m: np.ndarray
 
     def __post_init__(self):
-        object.__setattr__(self, "rotation", frozen_array(self.rotation))
-        object.__setattr__(self, "position_m", frozen_array(self.position_m))
+        object.__setattr__(self, "rotation", frozen_numbers("rotation", self.rotation, 3, 3))
+        object.__setattr__(self, "position_m", frozen_numbers("position_m", self.position_m, 3))
 
     @classmethod
     def identity(cls) -> Pose:
@@ -69,15 +70,18 @@ class Trajectory:
 
     def __post_init__(self):
         object.__setattr__(self, "t_us", frozen_times("Trajectory: t_us", self.t_us))
-        if len(self.t_us) != len(self.poses):
-            raise ValueError(f"Trajectory: {len(self.t_us)} times but {len(self.poses)} poses")
+        check_fields(self)
+        if self.t_us.shape != self.poses.position_m.shape[:-1] or self.t_us.ndim != 1:
+            shapes = f"{self.t_us.shape} and {self.poses.position_m.shape[:-1]}"
+            raise ValueError(f"t_us, poses: expected as many times as poses (N,), got {shapes}")
         if np.any(np.diff(self.t_us) <= 0):
-            raise ValueError("Trajectory: times must increase strictly")
+            raise ValueError("t_us: expected times that increase strictly, got others")
 
     def __len__(self) -> int:
         return len(self.t_us)
 
-    def covers(self, t_us) -> np.ndarray:
+    @checked
+    def covers(self, t_us: ArrayLike) -> np.ndarray:
         """Which times (...) lie inside the trajectory and in no gap: a step of more than `GAP_STEPS` times
         the median one and of more than `GAP_US`."""
         t, steps = np.asarray(t_us), np.diff(self.t_us)
@@ -87,16 +91,19 @@ class Trajectory:
         known = steps[after - 1] <= max(GAP_STEPS * np.median(steps), GAP_US)
         return (t >= self.t_us[0]) & (t <= self.t_us[-1]) & (known | np.isin(t, self.t_us))
 
-    def at(self, t_us, *, across_gaps: bool = False) -> Pose:
+    @checked
+    def at(self, t_us: ArrayLike, *, across_gaps: bool = False) -> Pose:
         """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it and in its gaps,
         unless ``across_gaps``."""
         if len(self) < 2:
             raise ValueError(f"Trajectory: expected at least two poses to interpolate, got {len(self)}")
         t = np.asarray(t_us)
-        if t.size and (t.min() < self.t_us[0] or t.max() > self.t_us[-1]):
-            raise ValueError(f"Trajectory: asked outside [{self.t_us[0]}, {self.t_us[-1]}] us")
+        if t.ndim > 1:
+            raise ValueError(f"t_us: expected one time or times (N,), got {t.shape}")
+        if t.size and not (t.min() >= self.t_us[0] and t.max() <= self.t_us[-1]):  # NaN neither
+            raise ValueError(f"t_us: expected times within [{self.t_us[0]}, {self.t_us[-1]}] us, got others")
         if not (across_gaps or np.all(self.covers(t))):
-            raise ValueError(f"Trajectory: asked in a gap, at {np.extract(~self.covers(t), t)[0]} us")
+            raise ValueError(f"t_us: expected times in no gap, got {np.extract(~self.covers(t), t)[0]} us")
         seconds = (self.t_us - self.t_us[0]) * 1e-6
         rotations = Slerp(seconds, Rotation.from_matrix(self.poses.rotation))
         s = (t - self.t_us[0]) * 1e-6

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from .camera import Camera
+from .checks import check_fields, frozen_times
+from .events import check_events
 from .pose import Trajectory
 
 CHUNK_EVENTS = 1_000_000
@@ -26,6 +28,14 @@ class Recording:
     frames_t_us: np.ndarray
     truth: Trajectory | None = None
 
+    def __post_init__(self):
+        object.__setattr__(self, "frames_t_us", frozen_times("frames_t_us", self.frames_t_us))
+        check_fields(self)
+        check_events(self.events)
+        if self.frames_t_us.shape != self.frames.shape[:1] or self.frames_t_us.ndim != 1:
+            got = f"times {self.frames_t_us.shape} and frames {self.frames.shape}"
+            raise ValueError(f"frames, frames_t_us: expected as many times as frames (N, H, W, 3), got {got}")
+
     def chunks(self):
         """Yield the events in views of at most `CHUNK_EVENTS`: who joins chunks to windows copies no more."""
         for start in range(0, max(len(self.events), 1), CHUNK_EVENTS):
@@ -36,6 +46,7 @@ class Recording:
         yield from zip(self.frames_t_us.tolist(), self.frames, strict=True)
 
 
+@runtime_checkable
 class AnyRecording(Protocol):
     """What a `Recording` in memory and a stream from a file have in common."""
 

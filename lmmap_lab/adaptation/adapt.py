@@ -170,7 +170,7 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
     trained = learning.train_both([deepcopy(net) for net in old], samples, recipes, unfinished)
     new = [learning.mean(*pair) for pair in zip(old, trained, strict=True)]
-    networks = tuple(MaskNetwork(deepcopy(net), modality) for net in new)
+    networks = tuple(MaskNetwork(net, modality) for net in new)
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
     asked = {look.t_us for look, ask in zip(own, guard.asked, strict=True) if ask}
     again = self_labels.look_at(recording, learned, asked)

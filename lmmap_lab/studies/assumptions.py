@@ -18,9 +18,9 @@ import pandas as pd
 from lmmap.estimation.images import timed_images
 from lmmap.evaluation import error_table
 from lmmap.evaluation.error_table import is_wrong
-from lmmap.pipeline.printed import Assumptions, PrintedEstimator
+from lmmap.pipeline.printed import PrintedEstimator
 from lmmap.recordings.formats import open_recording
-from lmmap.settings import MODALITIES, PAPER
+from lmmap.settings import MODALITIES, PAPER, Assumptions
 from lmmap.types import Estimate, Port, Recording
 
 from ..provenance import DATA, DERIVED_DATA, save_table

@@ -81,7 +81,7 @@ def test_trajectories_interpolate_half_way_and_refuse_to_extrapolate():
     middle = path.at([50])
     np.testing.assert_allclose(middle.position_m, [[1, 0, 1]])
     np.testing.assert_allclose(middle.rotation[0, :2, 0], [np.sqrt(0.5), np.sqrt(0.5)])
-    with pytest.raises(ValueError, match="outside"):
+    with pytest.raises(ValueError, match=r"t_us: expected times within \[0, 100\] us"):
         path.at([101])
 
 
@@ -101,7 +101,7 @@ def test_a_trajectory_knows_nothing_in_a_gap(step_us, gap_us):
     assert not truth.covers(inside).any() and truth.covers(around).all()
     np.testing.assert_allclose(truth.at(around).position_m[:, 0], around * 1e-6, atol=1e-12)
     for t_us in inside.tolist():
-        with pytest.raises(ValueError, match=f"in a gap, at {t_us} us"):
+        with pytest.raises(ValueError, match=f"t_us: expected times in no gap, got {t_us} us"):
             truth.at(t_us)
         assert truth.at(t_us, across_gaps=True).position_m[0] == pytest.approx(t_us * 1e-6)
     assert not truth.covers(np.array([-1, truth.t_us[-1] + 1])).any()
@@ -117,7 +117,7 @@ def test_trajectories_refuse_times_that_do_not_increase():
     poses = Pose(np.stack([np.eye(3)] * 2), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="increase"):
         Trajectory([5, 5], poses)
-    with pytest.raises(ValueError, match="3 times but 2 poses"):
+    with pytest.raises(ValueError, match=r"expected as many times as poses \(N,\), got \(3,\) and \(2,\)"):
         Trajectory([1, 2, 3], poses)
 
 
@@ -185,7 +185,7 @@ def test_bad_files_are_one_line_that_names_the_file(tmp_path, text, load, suffix
 def test_a_camera_with_nonsense_in_it_is_refused(tmp_path):
     values = json.loads('{"width_px": 346, "height_px": 260, "fy_px": 1, "cx_px": 1, "cy_px": 1}')
     for focal in (-1.0, 0.0, float("nan")):
-        with pytest.raises(ValueError, match="Camera"):
+        with pytest.raises(ValueError, match="fx_px: expected a number"):
             Camera(fx_px=focal, **values)
 
 

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from lmmap.pipeline.printed import Assumptions
+from lmmap.settings import Assumptions
 from lmmap_lab.studies.assumptions import COMMITTED, effects, variants
 
 

@@ -60,9 +60,9 @@ def test_windows_before_end_strictly_before_their_time():
 
 @pytest.mark.parametrize("count", [0, -3, 1.5, 3.0, True, "3"])
 def test_windows_need_an_event(count):
-    with pytest.raises(ValueError, match="count: expected at least 1"):
+    with pytest.raises(ValueError, match="count: expected "):
         windows(np.zeros(5, EVENT), count)
-    with pytest.raises(ValueError, match="count: expected at least 1"):
+    with pytest.raises(ValueError, match="count: expected "):
         windows_before(np.zeros(5, EVENT), [1], count)
 
 

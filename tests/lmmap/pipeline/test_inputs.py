@@ -64,7 +64,7 @@ def test_a_camera_may_be_its_calibration_file(tmp_path):
     assert lmmap.Estimator(str(tmp_path / "cal.json")).camera == CAMERA
     with pytest.raises(InputError, match=r"absent\.yaml"):
         lmmap.Estimator(tmp_path / "absent.yaml")
-    with pytest.raises(ValueError, match=r"camera: expected a Camera or a calibration's path, got ndarray"):
+    with pytest.raises(ValueError, match=r"camera: expected Camera \| str \| Path \| None, got array"):
         lmmap.Estimator(np.eye(3))
 
 

@@ -11,10 +11,9 @@ from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline.circle import paper_poses
 from lmmap.pipeline.ellipse import paper_ransac
-from lmmap.pipeline.printed import Assumptions
 from lmmap.pipeline.ring import skeleton_points
 from lmmap.pipeline.yaw import paper_yaw
-from lmmap.settings import PAPER
+from lmmap.settings import PAPER, Assumptions
 from lmmap.types import EVENT, Pose, Recording, Status
 
 NU = PORT.ring_radius_m

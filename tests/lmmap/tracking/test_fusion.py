@@ -256,7 +256,7 @@ def test_misuse_is_named():
     with pytest.raises(ValueError, match="estimates: expected one time"):
         filter_.add({"rgb": seen(0), "event": seen(1)})
     with pytest.raises(ValueError, match="estimates: expected covariances, got none from rgb"):
-        filter_.add({"rgb": seen(0, S=None)})
+        list(fuse([("rgb", seen(0, S=None))], PERIOD))
     filter_.add({"rgb": seen(10)})
     with pytest.raises(ValueError, match="t_us: expected 10 or later"):
         filter_.at(5)
@@ -281,12 +281,22 @@ def test_times_that_are_none(t_us):
 
 
 @pytest.mark.parametrize(
-    "covariance", [None, np.full((6, 6), np.nan), np.eye(5), -np.eye(6), np.zeros((6, 6)), "text", [1.0] * 6]
-)
+    "covariance",
+    [
+        None, np.full((6, 6), np.nan), np.eye(5), -np.eye(6), np.zeros((6, 6)), "text", [1.0] * 6,
+        np.eye(6) + 2 * np.eye(6, k=1) + 2 * np.eye(6, k=-1), np.ones((6, 6)),
+        np.eye(6) + 0.5 * np.eye(6, k=1),
+    ],
+)  # fmt: skip
 def test_covariances_that_are_none(covariance):
-    bad = seen(0, S=covariance)
-    with pytest.raises(ValueError, match=r"estimates: expected .*, got "):
-        list(fuse([("rgb", bad)], PERIOD))
+    """Of no shape, not positive, with correlations beyond one, of one and that differ from their mirrors."""
+    with pytest.raises(ValueError, match=r"(estimates|covariance): expected .*, got "):
+        list(fuse([("rgb", seen(0, S=covariance))], PERIOD))
+
+
+def test_a_covariance_may_be_lists():
+    (as_lists,), (as_array,) = (fuse([("rgb", seen(0, S=S))], PERIOD) for S in (LOOSE.tolist(), LOOSE))
+    np.testing.assert_array_equal(as_lists.covariance, as_array.covariance)
 
 
 @pytest.mark.parametrize("end_us", [7_200_000_000, 1_300_000])
@@ -333,9 +343,18 @@ def test_agreement_leaves_the_surer_and_contradiction_doubts_both(first, second)
 
 def test_after_a_contradiction_the_fused_pose_is_unsure_until_one_of_two_proves_right():
     rgb = [("rgb", seen(100_000 * k, confidence=0.9)) for k in (0, 1, 3)]
-    wrong = [("event", seen(200_000, ELSEWHERE, confidence=0.9))]
-    statuses = [e.status for e in fuse(sorted(rgb + wrong, key=lambda pair: pair[1].t_us), PERIOD)]
-    assert statuses == [Status.OK, Status.OK, Status.UNSURE, Status.OK]
+    event = [("event", seen(50_000, confidence=0.9)), ("event", seen(200_000, ELSEWHERE, confidence=0.9))]
+    statuses = [e.status for e in fuse(sorted(rgb + event, key=lambda pair: pair[1].t_us), PERIOD)]
+    assert statuses == [Status.OK] * 3 + [Status.UNSURE, Status.OK]
+
+
+def test_cameras_that_contradict_each_other_throughout_have_no_pose():
+    """As on the command line: what `fuse` gives is what `lmmap estimate --modality fused` writes."""
+    both = [
+        (c, seen(50_000 * k, ELSEWHERE if c == "event" else T0)) for k in range(6) for c in ("rgb", "event")
+    ]
+    with pytest.warns(UserWarning, match="^r: the two cameras' poses contradict each other in"):
+        assert {e.status for e in fuse(both, PERIOD, name="r")} == {Status.UNSURE}
 
 
 def test_a_ring_without_markers_counts_for_nothing():
