@@ -86,7 +86,7 @@ def test_cards_say_what_networks_were_made_of_and_the_limit_holds(learned):
     path = (folder / NAMES[0]).with_suffix(".json")
     path.write_text(json.dumps(card | {"min_confidence": 0.97}))
     assert Estimator(places.CAMERA, weights=folder).settings.min_confidence["rgb"] == 0.97
-    for bad in ("0.9", True, 3, float("nan")):
+    for bad in ("0.9", True, 1.7, 3, float("nan")):
         path.write_text(json.dumps(card | {"min_confidence": bad}))
         assert "min_confidence" in line(Estimator, places.CAMERA, None, "rgb", folder)
     path.write_text(json.dumps(card))

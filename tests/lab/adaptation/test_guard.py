@@ -14,7 +14,7 @@ from lmmap_lab.adaptation.guard import Guard
 from lmmap_lab.adaptation.self_labels import SURE
 from lmmap_lab.adaptation.smooth_track import SmoothTrack
 
-ESTIMATOR = Estimator(CAMERA, weights=(None, None))
+ESTIMATOR = Estimator(CAMERA, weights=(len, len))
 COUNT, KEPT = 40, range(10, 20)
 IS_KEPT = [k in KEPT for k in range(COUNT)]
 TOO_FAR = np.array([0, 0, 0.025, 0, 0, 0])  # as networks err that have learned a place

@@ -14,7 +14,7 @@ from lmmap_lab.adaptation.self_labels import Look
 from lmmap_lab.adaptation.smooth_track import SmoothTrack
 from lmmap_lab.bench.labels import label_masks
 
-ESTIMATOR = Estimator(CAMERA, weights=(None, None))
+ESTIMATOR = Estimator(CAMERA, weights=(len, len))
 COUNT = 60
 
 

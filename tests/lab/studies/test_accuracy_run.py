@@ -8,7 +8,18 @@ import pytest
 from strategies import facing_pose
 
 from lmmap.recordings.pose_files import write_estimates
-from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
+from lmmap.types import (
+    EVENT,
+    Camera,
+    Ellipse,
+    Estimate,
+    InputError,
+    Port,
+    Pose,
+    Recording,
+    Status,
+    Trajectory,
+)
 from lmmap_lab import provenance
 from lmmap_lab.studies import accuracy_run, ladder, sequence_files
 from lmmap_lab.studies.archive import pack, unpack
@@ -25,7 +36,7 @@ def recorded(name, seconds, folder, report):
     frames = np.full((2, 260, 346, 3), 128 * name.endswith("1"), np.uint8)
     times_us = np.array([0, 50_000])
     return Recording(
-        name, Camera.davis346(), np.empty(0), frames, times_us, None if "empty" in name else truth
+        name, Camera.davis346(), np.empty(0, EVENT), frames, times_us, None if "empty" in name else truth
     )
 
 

@@ -10,7 +10,7 @@ from lmmap.evaluation.pose_errors import normal_error_rad
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.crops import crop_bounds
 from lmmap.pipeline.weights import load_networks
-from lmmap.types import Pose, Recording, Status, Trajectory
+from lmmap.types import EVENT, Pose, Recording, Status, Trajectory
 from lmmap_lab.studies import ladder
 
 T = pose((190, 120), 0.5, np.deg2rad(35), 0.6, 0.4)
@@ -90,7 +90,7 @@ def test_cells_of_every_rung_by_hand(climbed):
     t_us = np.array([0, 10**6])
     truth = Trajectory(t_us, Pose(np.stack([T.rotation] * 2), np.stack([T.position_m] * 2)))
     frames = np.zeros((0, 260, 346, 3), np.uint8)
-    recording = Recording("r", CAMERA, np.empty(0), frames, np.zeros(0, np.int64), truth)
+    recording = Recording("r", CAMERA, np.empty(0, EVENT), frames, np.zeros(0, np.int64), truth)
     table = ladder.errors(recording, [rungs] * 4, PORT)
     assert list(table) == ladder.COLUMNS and len(table) == 4 * len(ladder.MEASURED)
     top = table[table.rung == "ring and markers"]

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from strategies import facing_pose
 
 from lmmap.evaluation import cells, error_table
-from lmmap.types import Camera, Estimate, Port, Pose, Recording, Status, Trajectory
+from lmmap.types import EVENT, Camera, Estimate, Port, Pose, Recording, Status, Trajectory
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def recording():
     position_m[6:, 0] = 0.5  # out of view
     poses = Pose(np.repeat(pose.rotation[None], 11, 0), position_m)
     blank = np.zeros((0, 260, 346, 3), np.uint8)
-    return Recording("x", Camera.davis346(), np.empty(0), blank, np.empty(0), Trajectory(t_us, poses))
+    return Recording("x", Camera.davis346(), np.empty(0, EVENT), blank, np.empty(0), Trajectory(t_us, poses))
 
 
 def answer(recording, t_us, shift_m=0.0, turn_rad=0.0, status=Status.OK):

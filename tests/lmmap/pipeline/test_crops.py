@@ -1,10 +1,12 @@
 """Masks in crops are those of the whole image, and two can be made at once."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import torch
 
-from lmmap.pipeline.crops import _kept_workers, at_once, mask_within
+from lmmap.pipeline.crops import _kept_workers, at_once, mask_within, workers
 from lmmap.pipeline.weights import load_network, weight_path
 
 
@@ -39,3 +41,17 @@ def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_threa
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
         at_once(lambda: 1 / 0, lambda: None)
+
+
+def test_the_callers_own_threads_keep_torchs_number(one_thread):
+    """Two images are worked on at once, on one thread of torch's each; whoever else asks has what it had."""
+    torch.set_num_threads(2)
+
+    def asked() -> int:
+        with ThreadPoolExecutor(1) as mine:
+            return mine.submit(torch.get_num_threads).result()
+
+    with workers(2) as pool:
+        assert list(pool.map(lambda _: torch.get_num_threads(), range(4))) == [1] * 4
+        assert asked() == 2
+    assert torch.get_num_threads() == asked() == 2

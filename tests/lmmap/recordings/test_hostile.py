@@ -284,7 +284,7 @@ WINDOWS = {"window_radius_m": 0.030, "window_size_m": (0.020, 0.016)}
         *({"plate_height_tolerance": v} for v in (0, 10, -0.1, float("nan"), "10 %", True, None)),
         {"ring_width_tolerance": 0},
         {"marker_radius_tolerance": 10},
-        {"marker_size_tolerance": 0.0},
+        {"marker_radius_tolerance": 0.0},
         *({"window_size_m": v} for v in ([-0.01, 0.01], [0.01], 0.01, [0.01, 0], [0.2, 0.02], [1e300, 1])),
         {"window_radius_m": -0.03},
         {"window_radius_m": 0.04, "window_size_m": [0.01, 0.02]},
