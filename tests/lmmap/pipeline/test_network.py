@@ -110,12 +110,6 @@ def test_precision_is_one_that_the_processor_has_or_that_was_asked_for(monkeypat
 
 
 @pytest.mark.parametrize("size", [(1, 1), (61, 480), (480, 640)])
-def test_a_mask_network_leaves_the_network_that_it_is_made_of_as_it_is():
-    made_of = net().train()
-    MaskNetwork(made_of, "event", "bfloat16")
-    assert made_of.training and {p.dtype for p in made_of.parameters()} == {torch.float32}
-
-
 def test_any_size_works_and_a_padded_image_gives_the_same_mask(size, rng):
     """Sizes never trained on: repeating the edges right and below, as the net does, changes nothing."""
     filter_, image = MaskNetwork(net(), "event", "float32"), rng.integers(0, 6, size)
@@ -235,3 +229,9 @@ def test_crop_margins_follow_the_networks_stride_and_reach():
         slice(0, 260),
         slice(0, 346),
     )
+
+
+def test_a_mask_network_leaves_the_network_that_it_is_made_of_as_it_is():
+    made_of = net().train()
+    MaskNetwork(made_of, "event", "bfloat16")
+    assert made_of.training and {p.dtype for p in made_of.parameters()} == {torch.float32}
