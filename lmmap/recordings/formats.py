@@ -148,7 +148,7 @@ def _camera_inside(source: Source) -> tuple[Camera | None, str]:
     except ValueError as error:
         return None, f"its own calibrations are not used ({error})"
     try:
-        camera = Camera(**(values := camera_of(cameras[name], Camera, size_px)))
+        camera = camera_of(cameras[name], size_px)
         if size_px not in (None, camera.size_px):
             raise ValueError(
                 f"it is for {camera.width_px} x {camera.height_px} px, not {size_px[0]} x {size_px[1]}"
@@ -158,7 +158,7 @@ def _camera_inside(source: Source) -> tuple[Camera | None, str]:
     part = calibrations.region(cameras[name], size_px)
     notes = [calibrations.region_text(*part)] if part else []
     notes += [f"not {', '.join(others)}"] if others else []
-    odd = f"; {reason}, check it" if (reason := calibrations.odd(values)) else ""
+    odd = f"; {reason}, check it" if (reason := calibrations.odd(vars(camera))) else ""
     warnings.warn(f"{source.path}: taking its own calibration {', '.join([name, *notes])}{odd}", stacklevel=5)
     return camera, ""
 
