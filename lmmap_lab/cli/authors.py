@@ -12,6 +12,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from lmmap.cli.inputs import leave_out
 from lmmap.files import CAMERA, check_output, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
@@ -78,6 +79,7 @@ def calibrate(a) -> None:
     if a.board:
         calibrate_board(a)
         return
+    leave_out(a, "is of a board, and no --board is given", "square")
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
     output = check_output(a.output or a.bags[0].parent / RIG_FILE, _inputs(a), overwrite=a.overwrite)
@@ -136,6 +138,10 @@ def calibrate_board(a) -> None:
         raise InputError(
             f"--board {a.board}: give its inner corners as COLUMNSxROWS, such as 8x5, at least 3 each way"
         )
+    others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
+    leave_out(a, "is of a rig, and --board calibrates a camera", *others)
+    if len(a.bags) > 1:
+        raise InputError(f"--board: calibrates from one bag, got {len(a.bags)}; give the one of most views")
     output = check_output(a.output or a.bags[0].parent / CAMERA, _inputs(a), overwrite=a.overwrite)
     streams = [_views_of_board(path, a.camera) for path in a.bags]
     frames = (shot for stream in streams for shot in stream.timed_frames())
