@@ -130,18 +130,13 @@ def describe(rig) -> str:
 
 def calibrate_board(a) -> None:
     """Intrinsics from recordings of a checkerboard, by one camera."""
-    for name in ("hand_eye", "free", "base", "effector", "on_arm"):
-        if getattr(a, name):
-            raise InputError(f"--board: calibrates a camera, no rig; leave --{name.replace('_', '-')} out")
+    others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
+    leave_out(a, "is of a rig, and --board calibrates a camera", *others)
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(
             f"--board {a.board}: give its inner corners as COLUMNSxROWS, such as 8x5, at least 3 each way"
         )
-    others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "is of a rig, and --board calibrates a camera", *others)
-    if len(a.bags) > 1:
-        raise InputError(f"--board: calibrates from one bag, got {len(a.bags)}; give the one of most views")
     output = check_output(a.output or a.bags[0].parent / CAMERA, _inputs(a), overwrite=a.overwrite)
     streams = [_views_of_board(path, a.camera) for path in a.bags]
     frames = (shot for stream in streams for shot in stream.timed_frames())
