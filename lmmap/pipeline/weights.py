@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import torch
@@ -64,13 +63,13 @@ def load_filter(path, modality: str) -> FilterNet:
     """The network of a weight file, of whatever width; `InputError` if it is absent, damaged or of another
     architecture."""
     path = Path(path)
-    if not os.path.isdir(path.parent):
+    if not path.parent.is_dir():
         sets = ", ".join(shipped_gaps())
         raise InputError(
             f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
         )
     try:
-        if os.path.exists(path):
+        if path.exists():
             regular_file(path, MAX_BYTES)  # opening a pipe would wait for ever
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
@@ -106,7 +105,7 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
     paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
     if shipped:
         return paths
-    if os.path.isdir(weights) and any(Path(weights).glob("*.onnx")):
+    if any(Path(weights).glob("*.onnx")):
         raise InputError(f"{weights}: holds networks in ONNX; name the weights that they were exported from")
     return [Path(weights) / path.name for path in paths]
 
