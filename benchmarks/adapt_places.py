@@ -34,7 +34,6 @@ from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import timed_images
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.second_opinion import estimator_of
 from lmmap.recordings.formats import open_stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Port
@@ -117,10 +116,10 @@ def before_and_after(
             judge = partial(judged, stream, from_s=start_s, most=a.images)
             first = key["judged_on"], m, weights
             if first not in known:
-                known[first] = judge(estimator_of(stream.camera, None, m, weights))
+                known[first] = judge(Estimator(stream.camera, None, m, weights))
             tables = {"before": known[first]}
             if outcome.taken:
-                tables["after"] = judge(estimator_of(stream.camera, None, m, folder))
+                tables["after"] = judge(Estimator(stream.camera, None, m, folder))
             before, after = tables["before"], tables.get("after", tables["before"])
             row = key | {f"{k}_before": v for k, v in counts(before).items()}
             row |= {f"{k}_after": v for k, v in counts(after).items()}

@@ -19,7 +19,6 @@ _HOME = {
     "Trajectory": "types",
     "Estimator": "pipeline.estimator",
     "PrintedEstimator": "pipeline.printed",
-    "SecondOpinion": "pipeline.second_opinion",
     "Tracker": "tracking.tracker",
     "circle": "pipeline.circle",
     "draw": "drawing.overlay",

@@ -37,6 +37,7 @@ from scipy.spatial.transform import Rotation
 from lmmap.estimation.estimates import estimate_image
 from lmmap.estimation.images import TimedImage
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
+from lmmap.pipeline.looks import one_look
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
 from lmmap.types import Estimate, Pose
@@ -129,7 +130,7 @@ class Told(wrong_poses.OnMasks):
 
     def __init__(self, modality: str, settings: Settings):
         super().__init__(modality, settings)
-        self._turned = [self._with(turn=1) for _ in self._turned]
+        self.further = [look._replace(see=one_look(self, turn=1)) for look in self.further]
 
     def to_grid(self, image):
         return image

@@ -135,7 +135,7 @@ def of_rings(cases: list, nearer: list[Pose], sigmas_px, port: Port, camera: Cam
 
 def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
     """Rows without (NaN) and with joint refinement, for each standard deviation of a marker's edge."""
-    modality, camera, port = estimator.modality, estimator.camera, estimator.port
+    modality, camera, port, setup = estimator.modality, estimator.camera, estimator.port, estimator.setup
     yaw_ratio, right, nearer, margins, turned = [], [], [], [], []
     for _, _, fit, truth in cases:
         right.append(normal_error_rad(fit.T_cam_port, truth) <= normal_error_rad(fit.rival, truth))
@@ -145,7 +145,7 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
             turned.append(difference(T, truth, port)[3:] @ T.normal)
             if fit.yaw_margin >= OURS.min_yaw_margin:
                 yaw_ratio.append(abs(turned[-1]) * OURS.yaw_inflation / fit.sigma_rad)
-    inflated_px = np.array([refine.sigma_px(ring, modality) for ring, *_ in cases])
+    inflated_px = np.array([refine.sigma_px(ring, setup) for ring, *_ in cases])
     sigma_px = inflated_px / np.sqrt(OURS.ring_inflation[modality])
     rings = of_rings(cases, nearer, sigma_px, port, camera)
     constant = of_rings(cases, nearer, [ring.sigma_px for ring, *_ in cases], port, camera)
@@ -154,9 +154,9 @@ def calibrate(estimator: Estimator, cases: list) -> pd.DataFrame:
         differences, covariances, faintness, after = [], [], [], []
         for (ring, reflectors, fit, truth), known_px in zip(cases, sigma_px, strict=True):
             ring_px = known_px * np.sqrt(rings["inflation"])
-            scale = ring_px / refine.sigma_px(ring, modality)
+            scale = ring_px / refine.sigma_px(ring, setup)
             edges = [edge._replace(sigma_px=scale * edge.sigma_px)
-                     for edge in refine.ring_edges(ring, port, modality)]  # fmt: skip
+                     for edge in refine.ring_edges(ring, setup)]  # fmt: skip
             refined = fit.yaw_margin >= OURS.min_yaw_margin and joint.refine(
                 fit.T_cam_port, edges, reflectors, port, camera, marker_px
             )
@@ -178,9 +178,7 @@ def by_light(estimator: Estimator, cases: list, lights: list) -> pd.DataFrame:
     """Of the poses that the module gives, by light: how many true ones lie inside the 95 % region."""
     rows = []
     for (ring, reflectors, fit, truth), light in zip(cases, lights, strict=True):
-        T, _, covariance, _ = refine.on_masks(
-            fit, ring, reflectors, estimator.port, estimator.grid, estimator.modality
-        )
+        T, _, covariance, _ = refine.on_masks(fit, ring, reflectors, estimator.setup)
         d = difference(T, truth, estimator.port)
         (nees,) = mahalanobis(d[None], covariance[None, :6, :6])
         inside = nees < chi2.ppf(0.95, 6)

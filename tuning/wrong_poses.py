@@ -38,6 +38,7 @@ from lmmap.estimation.estimates import estimate_image
 from lmmap.estimation.images import TimedImage, timed_images
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.looks import one_look
 from lmmap.pipeline.network import MaskNetwork, TurnedToo
 from lmmap.pipeline.weights import FILTERS, load_networks
 from lmmap.settings import OURS, PerCamera, Settings
@@ -213,8 +214,8 @@ class OnMasks(Estimator):
         self.looks: list[Look] = []
         plain, turned = ([Kept(self, way, k) for k in range(len(FILTERS))] for way in ("masks", "turned"))
         super().__init__(CAMERA, PORT, modality, tuple(plain), settings)
-        if self._turned:
-            self._turned = [self._with(ring_network=turned[0], reflector_network=turned[1])]
+        self.turned = one_look(self, ring_network=turned[0], reflector_network=turned[1])
+        self.further = [look._replace(see=self.turned) for look in self.further]
 
     def once(self, look: Look) -> Estimate:
         """The estimate by one look at an image as it is."""
@@ -224,7 +225,7 @@ class OnMasks(Estimator):
     def once_turned(self, look: Look) -> Estimate:
         """The estimate by one look at an image and its half turn together."""
         self.looks = [look]
-        return self._turned[0].on_grid(look.image)
+        return self.turned.on_grid(look.image)
 
     def answer(self, case: Case) -> tuple[Estimate, Look]:
         """The pipeline's estimate of a case, and the look that it comes from."""

@@ -19,7 +19,7 @@ from ..estimation.estimates import estimate_images, merge_by_time
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
 from ..files import check_output
-from ..pipeline.second_opinion import weight_hashes
+from ..pipeline.weights import weight_hashes
 from ..recordings.journal import Journal, recording_mark
 from ..recordings.pose_files import round_trip
 from ..recordings.stream import Stream

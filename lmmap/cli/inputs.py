@@ -10,7 +10,6 @@ from ..camera_files import split_name
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
-from ..pipeline.second_opinion import estimator_of
 from ..recordings.clocks import doubt, spans
 from ..recordings.formats import open_stream
 from ..recordings.pose_bags import STORES, PoseBag
@@ -100,7 +99,7 @@ def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstim
     check_rate("--rate", a.rate, "estimates")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
-    kind = PrintedEstimator if getattr(a, "as_printed", False) else estimator_of
+    kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
     weights, settings = a.weights or network_set(a), settings_for(camera, a.events)
     return kind(camera, find_port(a), modality, weights, settings)
 

@@ -11,7 +11,6 @@ from itertools import repeat
 import numpy as np
 import torch
 
-from ..pipeline import agreement
 from ..pipeline.crops import AT_ONCE, workers
 from ..pipeline.estimator import Estimator
 from ..types import AnyRecording, Estimate, InputError, checked
@@ -21,13 +20,9 @@ from .images import TimedImage, timed_images
 def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
     """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
     and of the image whose pose it is."""
-    estimate = estimator(timed.image, timed.t_us)
-    if timed.wider and agreement.needs_more_events(estimate, estimator.settings):
-        t_us, image = timed.wider
-        estimate = estimator.together([estimate, estimator(image, t_us)])
-        if estimate.t_us == t_us:
-            return image, estimate
-    return timed.image, estimate
+    t_us, image = timed.wider or (None, None)
+    estimate = estimator(timed.image, timed.t_us, **({"wider": timed.wider} if timed.wider else {}))
+    return image if estimate.t_us == t_us else timed.image, estimate
 
 
 def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterator[tuple]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +12,13 @@ from ..settings import OURS, Settings
 from ..types import Camera, Estimate, Port, Status, check_time
 from . import agreement, circle
 from .crops import mask_about
-from .image_estimator import ImageEstimator, Weights
+from .image_estimator import ImageEstimator, Weights, settings_for, within_own_limit
 from .judge import judge, without_markers
+from .looks import further_looks, look_again
 from .masks import Expected, look, markers_box_px
-from .network import TurnedToo
 from .refine import refine
-from .rescale import enlarged_cameras
 from .ring import find_ring
+from .weights import before, load_networks
 from .yaw import fast_yaw
 
 
@@ -35,7 +34,8 @@ class Estimator(ImageEstimator):
     weights
         The two mask networks: one of the shipped sets, `DOMAIN_GAPS`, a folder with files named as the
         low-domain-gap ones, or the two as callables ``(ring, reflectors)``, each from an image to a mask
-        (H, W) in [0, 1].  Default: ``OURS.weights``, the set that the command line takes as well.
+        (H, W) in [0, 1].  Default: ``OURS.weights``, the set that the command line takes as well.  Of a
+        folder of ``lmmap adapt`` the networks from before answer first (`looks`).
     settings
         Default: `OURS`, its number of events kept per pixel of this camera.
     precision
@@ -46,42 +46,41 @@ class Estimator(ImageEstimator):
     grid : Camera
         The camera in whose pixels masks and geometry are: ``camera``, or its images at the focal length that
         the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
+    learned : Estimator or None
+        That of the networks that have learned.
+    further : list of Look
+        How an image is looked at again (`looks`).
     """
 
     def __init__(self, camera: Camera | str | Path | None = None, port: Port | None = None,
                  modality: str = "rgb", weights: Weights = OURS.weights, settings: Settings | None = None,
                  precision: str = "auto"):  # fmt: skip
-        super().__init__(camera, port, modality, weights, settings, precision)
-        self._enlarged = [
-            self._with(grid=grid) for grid in enlarged_cameras(self.camera, modality, self.settings)
-        ]
-        self._turned = []
-        if self.settings.turned_look:
-            ring, reflectors = TurnedToo(self.ring_network), TurnedToo(self.reflector_network)
-            self._turned = [self._with(ring_network=ring, reflector_network=reflectors)]
+        first = before(weights, modality)
+        super().__init__(camera, port, modality, first or weights, settings, precision)
+        self.learned = None
+        if first:
+            networks = tuple(load_networks(weights, modality, precision))
+            limited = within_own_limit(settings or settings_for(self.camera), weights, modality)
+            self.learned = Estimator(self.camera, port, modality, networks, limited)
+        self.further = further_looks(self, self.learned)
 
-    def _with(self, **attributes) -> Estimator:
-        """An estimator of one look, like this one but for some attributes."""
-        other = copy(self)
-        vars(other).update(attributes, _enlarged=[], _turned=[])
-        return other
+    def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None,
+                 wider: tuple[int, np.ndarray] | None = None) -> Estimate:  # fmt: skip
+        """As `ImageEstimator`, and an image without a sure pose is looked at again (`looks`).
 
-    def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
-        """As `ImageEstimator`; a ring that is expected (``near``, in pixels of `grid`) is looked for there
-        alone, and ``printed`` is left out.  An image whose ring is seen without a sure pose is looked at with
-        its half turn as well.  Of a small sensor's histogram without a pose, larger ones are looked at."""
+        Parameters
+        ----------
+        near
+            Where the ring is expected, in pixels of `grid`: it is looked for there alone, and ``printed`` is
+            left out.
+        wider
+            Time and histogram of more events, for an image of events that shows no sure pose.
+        """
         check_time("t_us", t_us)
         if near is not None and not isinstance(near, Expected):
             raise ValueError(f"near: expected the place that masks.Expected says, got {near!r:.40}")
-        estimate = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
-        if near is not None:
-            return estimate
-        if self._turned and agreement.in_doubt(estimate, self.settings):
-            estimate = self.together([estimate, *(look(image, t_us) for look in self._turned)])
-        if estimate.T_cam_port is None:
-            looks = (look(image, t_us) for look in self._enlarged)
-            estimate = next((look for look in looks if look.T_cam_port is not None), estimate)
-        return estimate
+        answer = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
+        return look_again(self, answer, image, t_us, near, wider)
 
     def together(self, estimates: Sequence[Estimate]) -> Estimate:
         """The answer of several looks at one image, as `agreement.together`."""
@@ -89,21 +88,22 @@ class Estimator(ImageEstimator):
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
-        port, grid, modality, settings = self.port, self.grid, self.modality, self.settings
+        setup = self.setup
+        port, grid, settings = setup.port, setup.camera, setup.settings
         seen = look(image, self.ring_network, self.reflector_network, near)
         ring = find_ring(seen.ring, port, grid, settings, near and near.ellipse)
         if isinstance(ring, Status):
             return Estimate(t_us, ring)
         circles = (circle.poses if near else circle.candidates)(ring.ellipse, grid, port.ring_radius_m)
         box = markers_box_px(circles, port, grid, settings.marker_border_px)
-        seen_there = near and near.markers.holds(box)
-        reflectors = seen.reflectors if seen_there else mask_about(self.reflector_network, image, *box)
-        weights = settings.yaw_weights[modality]
-        fit = fast_yaw(reflectors, circles[:2], port, grid, settings, seen.edges, weights)
+        if not (near and near.markers.holds(box)):
+            seen = seen._replace(reflectors=mask_about(self.reflector_network, image, *box))
+        weights = settings.yaw_weights[setup.modality]
+        fit = fast_yaw(seen.reflectors, circles[:2], port, grid, settings, seen.edges, weights)
         if fit.score < settings.min_marker_score:
-            return without_markers(t_us, circles, ring, fit.score, port, grid, modality, settings)
-        refined = refine(fit, ring, reflectors, seen.edges, port, grid, modality, settings)
-        estimate = judge(t_us, image, seen, reflectors, ring, fit, refined, port, grid, modality, settings)
+            return without_markers(t_us, circles, ring, fit.score, setup)
+        estimate = judge(t_us, image, seen, ring, fit, refine(fit, ring, seen, setup), setup)
         if near:
             return estimate
-        return replace(estimate, printed=fast_yaw(reflectors, circles[2:], port, grid, settings).T_cam_port)
+        printed = fast_yaw(seen.reflectors, circles[2:], port, grid, settings)
+        return replace(estimate, printed=printed.T_cam_port)

@@ -12,6 +12,7 @@ from ..settings import OURS, Settings, scaled_count
 from ..types import Camera, Estimate, Port, check_time, checked
 from .inputs import as_camera, check_image
 from .rescale import ellipse_in, network_camera, outside_training, resample, warn_of_lens
+from .setup import Setup
 from .weights import load_networks, own_limit
 
 Mask = Callable[[np.ndarray], np.ndarray]
@@ -21,6 +22,13 @@ Weights = str | Path | tuple[Mask, Mask]
 def settings_for(camera: Camera, events_per_window: int | None = None) -> Settings:
     """`OURS` with N scaled to the camera's pixels, or given."""
     return replace(OURS, events_per_window=events_per_window or scaled_count(camera.size_px))
+
+
+def within_own_limit(settings: Settings, weights: str | Path, modality: str) -> Settings:
+    """Settings whose least confidence is at least that of the networks' cards."""
+    limits = settings.min_confidence
+    least = max(limits[modality], own_limit(weights, modality))
+    return replace(settings, min_confidence=replace(limits, **{modality: least}))
 
 
 class ImageEstimator:
@@ -45,9 +53,12 @@ class ImageEstimator:
             self.ring_network, self.reflector_network = weights
             return
         self.ring_network, self.reflector_network = load_networks(weights, modality, precision)
-        limits = self.settings.min_confidence
-        if (least := own_limit(weights, modality)) > limits[modality]:
-            self.settings = replace(self.settings, min_confidence=replace(limits, **{modality: least}))
+        self.settings = within_own_limit(self.settings, weights, modality)
+
+    @property
+    def setup(self) -> Setup:
+        """What the steps of the pipeline take."""
+        return Setup(self.port, self.grid, self.modality, self.settings)
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
         """The estimate of one image; a failed measurement is a status, not an exception.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import torch
@@ -15,6 +16,7 @@ from ..shipped import DATA
 from ..types import InputError
 from .network import CHANNELS, FilterNet, MaskNetwork
 
+BEFORE = "before"  # folder of the networks from before, in one of networks that have learned
 FILTERS = ("ring", "reflector")
 # the paper's two sets of training sequences, ours for real data, and the same of half the width
 DOMAIN_GAPS = ("high", "low", "robust", "light")
@@ -125,3 +127,27 @@ def own_limit(weights: str | Path, modality: str) -> float:
 def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
     """The networks of the ring and of the reflectors by `network_paths`; errors as `load_filter`."""
     return [load_network(path, modality, precision) for path in network_paths(weights, modality)]
+
+
+def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:
+    """What the weight files that `Estimator` reads hold, by their names in their folder."""
+    files = {path.name: path for path in network_paths(weights, modality)}
+    if folder := before(weights, modality):
+        files |= {f"{BEFORE}/{path.name}": path for path in network_paths(folder, modality)}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for name, path in files.items()}
+
+
+def before(weights, modality: str) -> Path | None:
+    """The folder of the networks from before that those of this modality keep, if they have learned.
+
+    Raises `InputError` where the cards of this modality say that they have, and the folder has none.
+    """
+    if not isinstance(weights, str | Path) or weights in DOMAIN_GAPS:
+        return None
+    folder = Path(weights) / BEFORE
+    if any(os.path.exists(path) for path in network_paths(folder, modality)):
+        return folder
+    for path in network_paths(weights, modality):
+        if os.path.exists(path.with_suffix(".json")) and load_card(path).get("adapted"):
+            raise InputError(f"{folder}: no networks from before, on which {path.name} relies; restore them")
+    return None

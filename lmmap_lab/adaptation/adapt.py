@@ -28,8 +28,7 @@ from lmmap.files import atomic, lock, writes
 from lmmap.marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
-from lmmap.pipeline.second_opinion import BEFORE, before, estimator_of
-from lmmap.pipeline.weights import FILTERS, network_paths
+from lmmap.pipeline.weights import BEFORE, FILTERS, before, network_paths
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import round_trip
 from lmmap.settings import MODALITIES, OURS
@@ -57,7 +56,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     ----------
     folder
         Where the networks go, named as `Estimator` expects them of a folder.  Where nothing could be learned,
-        they are those from before; else these lie in it as well, for `SecondOpinion`.
+        they are those from before; else these lie in it as well, for `Estimator`.
     modalities
         Cameras to look at.  Each teaches the others, since they look at one port.
     weights, port
@@ -73,7 +72,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         For a recording without images, and for a folder that holds anything but the networks of this call.
     """
     folder = Path(os.path.realpath(folder))
-    estimators = {m: estimator_of(recording.camera, port, m, weights) for m in modalities}
+    estimators = {m: Estimator(recording.camera, port, m, weights) for m in modalities}
     recipes = {m: _recipes(e, steps, seed, recording.name) for m, e in estimators.items()}
     facts = made_of(recording, estimators, weights, seconds, steps, seed)
     with writes(folder):

@@ -16,8 +16,15 @@ from lmmap.files import read_text, regular_file
 from lmmap.marks import check_same
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet
-from lmmap.pipeline.second_opinion import weight_hashes
-from lmmap.pipeline.weights import FILTERS, MAX_BYTES, load_card, network_paths, save_weights, weight_path
+from lmmap.pipeline.weights import (
+    FILTERS,
+    MAX_BYTES,
+    load_card,
+    network_paths,
+    save_weights,
+    weight_hashes,
+    weight_path,
+)
 from lmmap.recordings.journal import recording_mark
 from lmmap.recordings.stream import Stream
 from lmmap.types import AnyRecording, InputError

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from lmmap.files import atomic, check_folder_of
 from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX
-from lmmap.pipeline.second_opinion import BEFORE, before
-from lmmap.pipeline.weights import FILTERS, load_filter, network_paths, own_limit
+from lmmap.pipeline.weights import BEFORE, FILTERS, before, load_filter, network_paths, own_limit
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
 
@@ -21,7 +20,7 @@ from ..training.onnx_graph import filter_model, onnx_package
 
 DOCUMENT = "lmmap.json"
 JOINED = (
-    "lmmap.pipeline.second_opinion:SecondOpinion: run the steps with the networks of 'before'. Without a "
+    "lmmap.pipeline.looks:second_opinion: run the steps with the networks of 'before'. Without a "
     "pose, or with one less confident than sure_confidence, run them with those of 'learned' as well. "
     "Without a first pose, the second counts if its confidence reaches min_confidence of this entry. If "
     "the two are alike (right_position_m, right_normal_rad, right_rotation_rad), they make each other "

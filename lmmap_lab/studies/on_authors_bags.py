@@ -12,8 +12,8 @@ from pathlib import Path
 import pandas as pd
 
 from lmmap.evaluation import error_table
+from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
-from lmmap.pipeline.second_opinion import estimator_of
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.rig import Rig
@@ -152,7 +152,7 @@ def weights_of(out: Path, modality: str, gap: str) -> Path | str:
 
 def _estimates(stream, label, port, modality, gap, weights, out, report) -> list[Estimate]:
     settings = replace(settings_for(stream.camera), rate_hz=RATE_HZ)
-    estimator = estimator_of(stream.camera, port, modality, weights, settings)
+    estimator = Estimator(stream.camera, port, modality, weights, settings)
     label = f"{label}-{modality}-{gap}"
     own = [p.stat().st_mtime_ns for p in sorted(weights.glob("*"))] if isinstance(weights, Path) else gap
     path = resumable_file(out / f"estimates-{label}.csv", stream.source.path, port, stream.camera, own)

@@ -92,7 +92,7 @@ def good(label: str, function) -> dict:
 def public() -> dict[str, object]:
     """All that a program may call, by its name: it is made anew for each attack."""
     found = {}
-    for name in set(lmmap.__all__) - {"SecondOpinion"}:
+    for name in lmmap.__all__:
         value = getattr(lmmap, name)
         if isinstance(value, ModuleType):
             functions = dict(inspect.getmembers(value, inspect.isfunction))

@@ -12,8 +12,7 @@ from strategies import PORT, line
 from lmmap.estimation.estimates import estimate
 from lmmap.evaluation.error_table import errors, is_wrong
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of
-from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
+from lmmap.pipeline.weights import BEFORE, FILTERS, load_filter, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Recording
 from lmmap_lab.adaptation import adapt as adapting
@@ -29,7 +28,7 @@ def adapt(recording, folder, **options):
 
 
 def right_and_wrong(recording: Recording, weights, port=PORT) -> tuple[int, int]:
-    estimator = estimator_of(recording.camera, port, "rgb", weights)
+    estimator = Estimator(recording.camera, port, "rgb", weights)
     table = errors(recording, list(estimate(recording, estimator)), port)
     wrong = is_wrong(table)
     return int((table.position_error_m.notna() & ~wrong).sum()), int(wrong.sum())
@@ -67,9 +66,9 @@ def test_networks_that_learned_find_more_and_nothing_wrong(learned):
 
 
 def test_a_sure_pose_stays(learned):
-    old, both = (estimator_of(places.CAMERA, PORT, "rgb", weights) for weights in ("robust", learned[0]))
+    old, both = (Estimator(places.CAMERA, PORT, "rgb", weights) for weights in ("robust", learned[0]))
     before, after = (list(estimate(places.recording(), e)) for e in (old, both))
-    assert isinstance(both, SecondOpinion) and not isinstance(old, SecondOpinion)
+    assert both.learned and not old.learned
     added = [b.T_cam_port is None and a.T_cam_port is not None for b, a in zip(before, after, strict=True)]
     sure = [b.T_cam_port is not None and b.confidence >= OURS.sure_confidence for b in before]
     assert any(added) and any(sure)
@@ -85,7 +84,7 @@ def test_cards_say_what_networks_were_made_of_and_the_limit_holds(learned):
     assert not (folder / adapting.UNFINISHED).exists()
     path = (folder / NAMES[0]).with_suffix(".json")
     path.write_text(json.dumps(card | {"min_confidence": 0.97}))
-    assert Estimator(places.CAMERA, weights=folder).settings.min_confidence["rgb"] == 0.97
+    assert Estimator(places.CAMERA, weights=folder).learned.settings.min_confidence["rgb"] == 0.97
     for bad in ("0.9", True, 1.7, 3, float("nan")):
         path.write_text(json.dumps(card | {"min_confidence": bad}))
         assert "min_confidence" in line(Estimator, places.CAMERA, None, "rgb", folder)
@@ -104,7 +103,7 @@ def test_networks_that_go_on_learning_keep_the_first_ones(learned, tmp_path):
     adapt(places.recording(), tmp_path / "more", weights=learned[0])
     for folder in (tmp_path / "none", tmp_path / "more"):
         assert same_networks(folder / BEFORE)
-        both = estimator_of(places.CAMERA, PORT, "rgb", folder)
+        both = Estimator(places.CAMERA, PORT, "rgb", folder)
         assert both.learned.settings.min_confidence.rgb >= self_labels.SURE
     assert (tmp_path / "none" / NAMES[0]).read_bytes() == (learned[0] / NAMES[0]).read_bytes()
     before, after = (right_and_wrong(places.recording(), w) for w in (learned[0], tmp_path / "more"))

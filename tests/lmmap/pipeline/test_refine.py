@@ -11,19 +11,20 @@ from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.refine import on_masks, sigma_px
 from lmmap.pipeline.ring import find_ring
+from lmmap.pipeline.setup import Setup
 from lmmap.settings import OURS
 from lmmap.types import Pose
 
 T0 = Pose(rotation_z(0.3) @ np.diag([1.0, -1, -1]), np.array([0.01, 0.02, 0.6]))
 RING, MARKERS = (np.asarray(mask, np.float32) for mask in ideal_masks(T0, PORT, CAMERA))
-CLEAR = find_ring(RING, PORT, CAMERA)
+CLEAR, SETUP = find_ring(RING, PORT, CAMERA), Setup(PORT, CAMERA, "rgb")
 
 
 def test_a_faint_ring_is_known_worse():
     faint = find_ring(0.6 * RING, PORT, CAMERA)
     assert faint.score == pytest.approx(0.6 * CLEAR.score, rel=0.02)
     half, least, less, clear = (
-        sigma_px(replace(CLEAR, score=score), "rgb") for score in (0.5, OURS.min_ring_score, 0.0, 1.0)
+        sigma_px(replace(CLEAR, score=score), SETUP) for score in (0.5, OURS.min_ring_score, 0.0, 1.0)
     )
     assert half / clear == pytest.approx(2) and least == less < np.inf
 
@@ -33,7 +34,7 @@ def test_an_unknown_yaw_is_not_refined():
     best = yaw.fast_yaw(MARKERS, circles, PORT, CAMERA)
     unsure = replace(best, yaw_margin=OURS.min_yaw_margin - 0.01, sigma_rad=PORT.yaw_period_rad / 12**0.5)
     (refined, _, known, _), (kept, _, wide, _) = (
-        on_masks(fit, CLEAR, MARKERS, PORT, CAMERA, "rgb") for fit in (best, unsure)
+        on_masks(fit, CLEAR, MARKERS, SETUP) for fit in (best, unsure)
     )
     assert best.yaw_margin >= OURS.min_yaw_margin
     assert not np.array_equal(refined.position_m, best.T_cam_port.position_m)

@@ -13,15 +13,17 @@ from strategies import CAMERA, PORT, pose
 from lmmap.cli.inputs import make_estimator
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.second_opinion import BEFORE, SecondOpinion, estimator_of, weight_hashes
-from lmmap.pipeline.weights import FILTERS, weight_path
+from lmmap.pipeline.looks import look_again
+from lmmap.pipeline.weights import BEFORE, FILTERS, weight_hashes, weight_path
 from lmmap.settings import OURS, PerCamera
+from lmmap.tracking.crop import expected_ring
+from lmmap.tracking.motion_model import MotionState
 from lmmap.types import Estimate, Status
 
 MASKS = ideal_masks(pose((180, 120), 0.6, 0.5, 0.8), PORT, CAMERA)
 OTHER = ideal_masks(pose((150, 130), 0.7, 0.4, 2.0), PORT, CAMERA)
 TRUE, OFF = pose((180, 120), 0.6, 0.5, 0.8), pose((180, 120), 0.6, 0.7, 0.8)
-NOTHING = np.zeros_like(MASKS[0])
+NOTHING, NONE = np.zeros_like(MASKS[0]), Estimate(7, Status.NO_MARKERS)
 IMAGE = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
 EVERY_POSE = replace(OURS, min_confidence=PerCamera(0.0, 0.0), sure_confidence=0.0)  # the image is blank
 
@@ -47,7 +49,7 @@ def folder(tmp_path):
     ((MASKS[0], NOTHING), OTHER, OTHER), ((MASKS[0], NOTHING), (NOTHING, NOTHING), (MASKS[0], NOTHING)),
 ])  # fmt: skip
 def test_the_answer_is_the_first_that_has_a_pose(folder, first, second, answer):
-    both = SecondOpinion(CAMERA, PORT, "rgb", folder, EVERY_POSE)
+    both = Estimator(CAMERA, PORT, "rgb", folder, EVERY_POSE)
     vars(both).update(networks(*first))
     vars(both.learned).update(networks(*second))
     alone = Estimator(CAMERA, PORT, "rgb", tuple(networks(*answer).values()), EVERY_POSE)(IMAGE, 7)
@@ -59,16 +61,16 @@ def test_the_answer_is_the_first_that_has_a_pose(folder, first, second, answer):
 
 
 @pytest.fixture
-def both(folder, monkeypatch):
-    """A second opinion whose two answers to the image are given."""
+def both(folder):
+    """What becomes of an estimator's answer by that of its networks that have learned, and whether they were
+    not asked."""
 
     def answer(first, second):
-        estimator = SecondOpinion(CAMERA, PORT, "rgb", folder)
-        limits = PerCamera(0.9, 0.9)
-        estimator.learned.settings = replace(estimator.learned.settings, min_confidence=limits)
-        told = {id(estimator): first, id(estimator.learned): second}
-        monkeypatch.setattr(Estimator, "__call__", lambda self, *_: told.pop(id(self)))
-        return estimator(IMAGE, 7), bool(told)
+        estimator, told = Estimator(CAMERA, PORT, "rgb", folder), [second]
+        estimator.learned.settings = replace(estimator.learned.settings, min_confidence=PerCamera(0.9, 0.9))
+        opinion = next(look for look in estimator.further if look.expected)
+        estimator.further = [opinion._replace(see=lambda *_: told.pop())]
+        return look_again(estimator, first, IMAGE, 7, None, None), bool(told)
 
     return answer
 
@@ -100,9 +102,9 @@ def test_what_an_estimator_would_not_report_contradicts_nothing(both):
 
 
 def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(folder, monkeypatch):
-    assert type(estimator_of(CAMERA, PORT, "rgb", folder)) is SecondOpinion
-    assert type(estimator_of(CAMERA, PORT, "event", folder)) is Estimator
-    assert type(estimator_of(CAMERA, PORT, "rgb", tuple(networks(*MASKS).values()))) is Estimator
+    assert Estimator(CAMERA, PORT, "rgb", folder).learned is not None
+    assert Estimator(CAMERA, PORT, "event", folder).learned is None
+    assert Estimator(CAMERA, PORT, "rgb", tuple(networks(*MASKS).values())).learned is None
     marks = weight_hashes(folder, "rgb")
     assert [Path(name).parent.name for name in marks] == [""] * 2 + [BEFORE] * 2
     changed = folder / list(marks)[-1]
@@ -114,9 +116,20 @@ def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(fold
     monkeypatch.chdir(folder)  # a set of networks is meant, whatever lies here
     (folder / "low" / BEFORE).mkdir()
     shutil.copy(folder / "low" / weight_path("ring", "rgb", "low").name, folder / "low" / BEFORE)
-    assert type(estimator_of(CAMERA, PORT, "rgb", "low")) is Estimator
+    assert Estimator(CAMERA, PORT, "rgb", "low").learned is None
 
 
 def test_the_command_line_asks_both(folder):
     a = Namespace(rate=None, events=None, weights=folder, port=None, recording=folder / "run.h5")
-    assert type(make_estimator(a, CAMERA, "rgb")) is SecondOpinion
+    assert make_estimator(a, CAMERA, "rgb").learned is not None
+
+
+def test_where_a_ring_is_expected_only_those_that_learned_are_asked_again(folder):
+    """A second opinion, and neither a turned nor an enlarged image nor one of more events."""
+    estimator, seen = Estimator(CAMERA, PORT, "rgb", folder), []
+    estimator.further = [
+        look._replace(see=lambda *shot: seen.append(shot) or NONE) for look in estimator.further
+    ]
+    assert len(estimator.further) == 2  # the turned one
+    near = expected_ring(MotionState.start(0, TRUE, 1e-6 * np.eye(6)), PORT, CAMERA)
+    assert look_again(estimator, NONE, IMAGE, 7, near, None) is NONE and seen == [(IMAGE, 7, near)]

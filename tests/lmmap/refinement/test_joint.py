@@ -13,6 +13,7 @@ from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.rotations import rotation_between_rad
 from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.refine import ring_edges
+from lmmap.pipeline.setup import Setup
 from lmmap.refinement import contour, joint
 from lmmap.types import Pose
 
@@ -38,7 +39,7 @@ def solved(T, seed, camera=CAMERA, port=PORT):
     traced = contour.trace(start, ring, 0.25 * start.semi_axes_px[0], camera)
     pair = circle.poses(traced.ellipse, camera, PORT.ring_radius_m)
     fit = yaw.fast_yaw(markers, pair, PORT, camera)
-    edges = ring_edges(traced, PORT, "rgb")
+    edges = ring_edges(traced, Setup(PORT, camera, "rgb"))
     return fit.T_cam_port, joint.refine(fit.T_cam_port, edges, markers, PORT, camera, MARKER_PX)
 
 
@@ -136,7 +137,7 @@ def test_a_ring_mask_that_is_wider_on_both_sides_moves_nothing():
     ring, markers = masks_of(T, 0)
     start = conics.circle_ellipse(T, PORT.ring_radius_m, CAMERA)
     wide = cv2.dilate(ring, np.ones((3, 3), np.uint8))
-    edges = ring_edges(contour.trace(start, wide, 0.3 * start.semi_axes_px[0]), PORT, "rgb")
+    edges = ring_edges(contour.trace(start, wide, 0.3 * start.semi_axes_px[0]), Setup(PORT, CAMERA, "rgb"))
     refined = joint.refine(T, edges, markers, PORT, CAMERA, MARKER_PX)
     assert np.all(np.array(error(refined.T_cam_port, T)) < [0.5, 1.5])
     alone = joint.refine(T, [edges[1]], markers, PORT, CAMERA, MARKER_PX)

@@ -1,0 +1,91 @@
+"""Further looks at an image that shows no sure pose, in their order:
+
+- at its half turn as well, where a ring is seen without a sure pose (``Settings.turned_look``);
+- enlarged, at a small sensor's histogram without a pose (`rescale.enlarged_cameras`);
+- by the networks that have learned a place, where those from before are not sure: so a sure pose cannot be
+  lost by learning;
+- at a histogram of more events, where N show no sure pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from ..settings import Settings
+from ..types import Estimate
+from .agreement import alike, in_doubt, needs_more_events
+from .masks import Expected
+from .network import TurnedToo
+from .rescale import enlarged_cameras
+
+
+class Look(NamedTuple):
+    """Who looks, after which answer, and how theirs joins it; and whether also where a ring is expected."""
+
+    see: Callable[[np.ndarray, int, Expected | None], Estimate]
+    needed: Callable[[Estimate, Settings], bool]
+    join: Callable[[Estimate, Estimate], Estimate]
+    expected: bool = False
+
+
+def further_looks(estimator, learned=None) -> list[Look]:
+    """The looks that any image may need, by copies of an estimator and, if there is one, by another one whose
+    networks have learned."""
+    looks, settings = [], estimator.settings
+    if settings.turned_look:
+        ring, reflectors = TurnedToo(estimator.ring_network), TurnedToo(estimator.reflector_network)
+        turned = one_look(estimator, ring_network=ring, reflector_network=reflectors)
+        looks.append(Look(turned, in_doubt, lambda *both: estimator.together(both)))
+    for grid in enlarged_cameras(estimator.camera, estimator.modality, settings):
+        looks.append(Look(one_look(estimator, grid=grid), _has_no_pose, _first_with_pose))
+    if learned is not None:
+        looks.append(Look(learned, needs_more_events, partial(second_opinion, estimator, learned), True))
+    return looks
+
+
+def look_again(estimator, answer: Estimate, image: np.ndarray, t_us: int, near: Expected | None,
+               wider: tuple[int, np.ndarray] | None) -> Estimate:  # fmt: skip
+    """The answer to an image after all looks that it needs, of what `Estimator` was called with."""
+    looks, joined = estimator.further, lambda *both: estimator.together(both)
+    if wider is not None:
+        looks = [*looks, Look(lambda *_: estimator(wider[1], wider[0]), needs_more_events, joined)]
+    for look in looks:
+        if (near is None or look.expected) and look.needed(answer, estimator.settings):
+            answer = look.join(answer, look.see(image, t_us, near))
+    return answer
+
+
+def one_look(estimator, **attributes):
+    """An estimator that looks once, like another one but for some attributes."""
+    other = copy(estimator)
+    vars(other).update(attributes, further=[])
+    return other
+
+
+def second_opinion(estimator, learned, first: Estimate, second: Estimate) -> Estimate:
+    """The first pose, confirmed or doubted by the second; the second pose where there is none, or where it
+    contradicts a less sure one, if the second networks' own limit allows it.  What an estimator would not
+    report contradicts nothing."""
+    if first.T_cam_port is None:
+        return _first_with_pose(first, second)
+    settings, modality = estimator.settings, estimator.modality
+    agree = second.found is not None and alike(first.found, second.found, estimator.port, settings)
+    if not agree and second.confidence < settings.min_confidence[modality]:
+        return first
+    both = estimator.together([first, second])
+    if agree or both.found is first.found:
+        return both
+    return both.judged(both.confidence, learned.settings.min_confidence[modality])
+
+
+def _has_no_pose(answer: Estimate, settings: Settings) -> bool:
+    return answer.T_cam_port is None
+
+
+def _first_with_pose(first: Estimate, second: Estimate) -> Estimate:
+    return first if second.T_cam_port is None else second
