@@ -14,8 +14,10 @@ from pathlib import Path
 
 from . import calibrations
 from .documents import check_fields, read_json
-from .files import InputError as InputError
+from .errors import InputError
 from .files import read_text, write_text
+from .types import Camera, Port
+from .types.port import OFFSET_M, SYMMETRY, TOLERANCE, TOLERANCES, WINDOW_M
 
 MAX_BYTES = 2**20  # of a calibration; Kalibr's longest have some kilobytes
 
@@ -24,9 +26,6 @@ FOCAL_PX = (float, 1.0, 1e6)  # a pixel sees 45 degrees, or a microradian
 CENTRE_PX = (float, -1e6, 1e6)  # beyond the image, as in a crop
 COEFFICIENT = (float, -1e3, 1e3)  # of a distortion; calibrations of wide lenses reach some tens
 LENGTH_M = (float, 1e-6, 1e3)  # from a micrometre to a kilometre
-OFFSET_M = (float, -1e3, 1e3)
-WINDOW_M = (float, 0.0, 1e3)  # zero: none
-TOLERANCE = (float, 1e-4, 0.5)  # of a length: from a hair's breadth to half of it
 CAMERA = {
     "width_px": SIZE_PX, "height_px": SIZE_PX, "fx_px": FOCAL_PX, "fy_px": FOCAL_PX,
     "cx_px": CENTRE_PX, "cy_px": CENTRE_PX, "distortion": (COEFFICIENT, (0, 4, 5)),
@@ -35,16 +34,15 @@ CAMERA = {
 PORT = {
     **dict.fromkeys(("ring_radius_m", "ring_inner_radius_m", "ring_outer_radius_m", "plate_circumradius_m",
                      "marker_radius_m", "stem_radius_m"), LENGTH_M),
-    **dict.fromkeys(("plate_height_m", "petal_rise_m", "petal_lean_m", "panel_depth_m"), OFFSET_M),
+    **dict.fromkeys(("plate_height_m", "petal_rise_m", "petal_lean_m", "panel_depth_m"), (float, *OFFSET_M)),
     **dict.fromkeys(("marker_size_m", "petal_widths_m", "panel_size_m"), (LENGTH_M, (2,))),
-    "window_radius_m": WINDOW_M, "window_size_m": (WINDOW_M, (2,)),
-    **dict.fromkeys(("plate_height_tolerance", "marker_radius_tolerance", "ring_width_tolerance"), TOLERANCE),
-    "symmetry": (int, 1, 360),  # markers a turn; at a degree each they are one ring
+    "window_radius_m": (float, *WINDOW_M), "window_size_m": ((float, *WINDOW_M), (2,)),
+    **dict.fromkeys(TOLERANCES, (float, *TOLERANCE)), "symmetry": (int, *SYMMETRY),
 }  # fmt: skip
 
 
-def read_camera(path, cls, size_px=None, topics=()) -> dict:
-    """Fields of a camera from our JSON or from another program's calibration, as `calibrations` knows them.
+def read_camera(path, size_px=None, topics=()) -> Camera:
+    """A camera from our JSON or from another program's calibration, as `calibrations` knows them.
 
     Of several cameras in a file it is the one that ``FILE:NAME`` names, or that has the size and topic of a
     recording; a warning says so where that leaves a choice.
@@ -68,15 +66,15 @@ def read_camera(path, cls, size_px=None, topics=()) -> dict:
             warnings.warn(f"{path}: taking {name:.30}, {other}", stacklevel=6)
         return values
 
-    values = _read(path, cls, CAMERA, "camera calibration", expected, parse)
-    if reason := calibrations.odd(values):
-        warnings.warn(f"{path}: {reason}; check the calibration", stacklevel=4)
-    return values
+    camera = _read(path, Camera, CAMERA, "camera calibration", expected, parse)
+    if reason := calibrations.odd(vars(camera)):
+        warnings.warn(f"{path}: {reason}; check the calibration", stacklevel=5)
+    return camera
 
 
-def camera_of(camera: dict, cls, size_px=None) -> dict:
-    """The fields of a camera that a recording holds, checked as those of a file; raises ValueError."""
-    return _checked(calibrations.camera_fields(camera, size_px), cls, CAMERA)
+def camera_of(camera: dict, size_px=None) -> Camera:
+    """The camera that a recording holds, checked as that of a file; raises ValueError."""
+    return _checked(calibrations.camera_fields(camera, size_px), Camera, CAMERA)
 
 
 def split_name(path) -> tuple[Path, str]:
@@ -85,17 +83,16 @@ def split_name(path) -> tuple[Path, str]:
     return (Path(file), name) if colon and file and not os.path.exists(path) else (Path(path), "")
 
 
-def read_port(path, cls) -> dict:
-    """Fields of a port from our JSON."""
-    return _read(path, cls, PORT, "port", "expected a JSON object with the fields of lmmap.Port", read_json)
+def read_port(path) -> Port:
+    """A port from our JSON."""
+    return _read(path, Port, PORT, "port", "expected a JSON object with the fields of lmmap.Port", read_json)
 
 
-def write_fields(path, instance) -> None:
-    """Write a `Camera` or `Port` as JSON; `InputError` for one that could not be read again."""
+def write_fields(path, instance: Camera | Port) -> None:
+    """Write a camera or port as JSON; `InputError` for one that could not be read again."""
     values = {f.name: getattr(instance, f.name) for f in fields(instance)}
-    kind = type(instance)
     try:
-        _checked(values, kind, {"Camera": CAMERA, "Port": PORT}[kind.__name__])
+        _checked(values, type(instance), CAMERA if isinstance(instance, Camera) else PORT)
     except ValueError as error:
         raise InputError(
             f"{path}: not written, since it could not be read again ({error}); check it"
@@ -103,7 +100,7 @@ def write_fields(path, instance) -> None:
     write_text(path, json.dumps(values, indent=1) + "\n")
 
 
-def _read(path, cls, schema: dict, what: str, expected: str, parse) -> dict:
+def _read(path, cls, schema: dict, what: str, expected: str, parse):
     path = Path(path)
     text = read_text(path, MAX_BYTES)
     try:
@@ -113,8 +110,6 @@ def _read(path, cls, schema: dict, what: str, expected: str, parse) -> dict:
         raise InputError(f"{path}: not a {what} ({lines[0]:.200}); {expected}") from None
 
 
-def _checked(values: dict, cls, schema: dict) -> dict:
+def _checked(values: dict, cls, schema: dict):
     required = {f.name for f in fields(cls) if f.default is MISSING}
-    values = check_fields(values, schema, required)
-    cls(**values)  # what the class itself refuses is bad input too
-    return values
+    return cls(**check_fields(values, schema, required))

@@ -23,7 +23,7 @@ CAMERA = "camera.json"  # the calibration that a folder of bags shares
 def regular_file(path, max_bytes: int | None = None) -> Path:
     """The path of a regular file of at most ``max_bytes``; raises `InputError`.
 
-    Devices and pipes are refused because reading them may never end.
+    Devices, pipes and the system's own files are refused because reading them may never end.
     """
     path = Path(path)
     try:

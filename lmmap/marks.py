@@ -18,7 +18,7 @@ MAX_BYTES = 2**24
 
 def has_mark(path, mark: str) -> bool:
     """Whether the file of a mark is there and holds this one."""
-    return os.path.exists(path) and regular_file(path, MAX_BYTES).read_bytes() == mark.encode()
+    return os.path.isfile(path) and regular_file(path, MAX_BYTES).read_bytes() == mark.encode()
 
 
 def check_mark(path, mark, made_of: dict) -> None:

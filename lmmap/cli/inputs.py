@@ -43,7 +43,7 @@ def flips_of(a) -> dict[str, str]:
 def leave_out(a, why: str, *names: str) -> None:
     """`InputError` for options that were given, and that what is asked for does not use."""
     for name in names:
-        if name in a.given or getattr(a, name) is True:
+        if name in getattr(a, "given", ()) or getattr(a, name) is True:
             raise InputError(f"--{name.replace('_', '-')}: {why}; leave it out")
 
 

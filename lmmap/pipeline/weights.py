@@ -65,13 +65,13 @@ def load_filter(path, modality: str) -> FilterNet:
     """The network of a weight file, of whatever width; `InputError` if it is absent, damaged or of another
     architecture."""
     path = Path(path)
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         sets = ", ".join(shipped_gaps())
         raise InputError(
             f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
         )
     try:
-        if path.exists():
+        if os.path.exists(path):
             regular_file(path, MAX_BYTES)  # opening a pipe would wait for ever
         with safe_open(path, "pt") as file:
             tensors = {k: file.get_tensor(k).float() for k in file.keys()}  # noqa: SIM118
@@ -107,7 +107,7 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
     paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
     if shipped:
         return paths
-    if any(Path(weights).glob("*.onnx")):
+    if os.path.isdir(weights) and any(Path(weights).glob("*.onnx")):
         raise InputError(f"{weights}: holds networks in ONNX; name the weights that they were exported from")
     return [Path(weights) / path.name for path in paths]
 

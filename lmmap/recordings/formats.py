@@ -8,6 +8,7 @@ A folder of bags may share one ``camera.json``.
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 
@@ -54,7 +55,7 @@ def open_stream(
         raise ValueError(f"time_unit: expected one of {', '.join(UNITS)}, got {time_unit!r:.40}")
     named = {"fps": fps, "stream": stream, "time_unit": time_unit}
     path = Path(path)
-    if not path.is_dir():
+    if not os.path.isdir(path):
         regular_file(path)
     kind = _kind(path)
     if kind == "folder":
@@ -77,7 +78,9 @@ def open_stream(
     if source.guessed and (doubt := source.guessed.doubt(camera.size_px if camera else source.size_px)):
         taken = f"its times are taken as {source.guessed.unit}"
         warnings.warn(f"{path}: {taken}; {doubt}", stacklevel=3)
-    truths = [p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if p.exists()]
+    truths = [
+        p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if os.path.exists(p)
+    ]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
 
@@ -102,7 +105,7 @@ def format_name(path) -> str:
 
 def _kind(path: Path) -> str:
     """How the name of a file ends, of a ROS 2 bag's folder as that of its files."""
-    if path.is_dir():
+    if os.path.isdir(path):
         return ".db3" if (path / METADATA).exists() else "folder"
     return path.suffix.lower()
 
@@ -110,7 +113,7 @@ def _kind(path: Path) -> str:
 def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
     own, size_px, doubt = path.with_suffix(".camera.json"), source.size_px, ""
     if camera is None:
-        camera = own if own.exists() else beside(path, CAMERA) if path.suffix == ".bag" else None
+        camera = own if os.path.exists(own) else beside(path, CAMERA) if path.suffix == ".bag" else None
     if camera is None:
         camera, doubt = _camera_inside(source)
     if camera is None and size_px == Camera.davis346().size_px:
@@ -148,7 +151,7 @@ def _camera_inside(source: Source) -> tuple[Camera | None, str]:
     except ValueError as error:
         return None, f"its own calibrations are not used ({error})"
     try:
-        camera = Camera(**(values := camera_of(cameras[name], Camera, size_px)))
+        camera = camera_of(cameras[name], size_px)
         if size_px not in (None, camera.size_px):
             raise ValueError(
                 f"it is for {camera.width_px} x {camera.height_px} px, not {size_px[0]} x {size_px[1]}"
@@ -158,7 +161,7 @@ def _camera_inside(source: Source) -> tuple[Camera | None, str]:
     part = calibrations.region(cameras[name], size_px)
     notes = [calibrations.region_text(*part)] if part else []
     notes += [f"not {', '.join(others)}"] if others else []
-    odd = f"; {reason}, check it" if (reason := calibrations.odd(values)) else ""
+    odd = f"; {reason}, check it" if (reason := calibrations.odd(vars(camera))) else ""
     warnings.warn(f"{source.path}: taking its own calibration {', '.join([name, *notes])}{odd}", stacklevel=5)
     return camera, ""
 

@@ -18,6 +18,7 @@ from PIL import Image
 
 from .. import files
 from ..files import regular_file
+from ..types import InputError
 from .depth import eight_bit
 from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, reader
@@ -68,7 +69,7 @@ def read_numbered(path: Path, fps: float) -> Source:
     """A folder's pictures, ``fps`` to the second, in the order of the numbers in their names; raises
     `InputError`."""
     if not 0 < fps < 1e6:
-        raise ValueError(f"{fps:g} pictures per second")
+        raise InputError(f"{path}: --fps {fps:g}: give the pictures per second, over 0 and below 1e6")
     if not (names := pictures_in(path)):
         raise ValueError(f"no {', '.join(IMAGE_SUFFIXES)} in it")
     if found := next((name for name in TIME_LISTS if (path / name).is_file()), None):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import os
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -60,16 +61,16 @@ class Journal:
         head = ",".join(COLUMNS).encode() + b"\n"
         if self._made_of is not None:
             begun = head[: len(content)] if self.format == "csv" else b""
-            if not self.mark.exists() and content == begun:
+            if not os.path.exists(self.mark) and content == begun:
                 return  # killed before its mark had its name: no line to lose
             check_mark(self.path, self.mark, self._made_of)
         whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
-            raise InputError(f"{self.path}: has other columns than this version's; leave --resume out")
+            raise InputError(f"{self.path}: has other columns than these; delete it, or give another name")
         try:
             text = content[:whole].decode()
         except UnicodeDecodeError:
-            raise InputError(f"{self.path}: is no table of poses; give another name") from None
+            raise InputError(f"{self.path}: is no table of poses; delete it, or give another name") from None
         if not text.strip():
             return
         if self.format == "tum":
@@ -112,7 +113,7 @@ class Journal:
             self._file.flush()
         except OSError as error:
             raise InputError(
-                f"{self.path}: cannot write ({error.strerror}); make room, then go on with --resume"
+                f"{self.path}: cannot write ({error.strerror}); make room, then go on: estimate with --resume"
             ) from None
 
     def _open(self) -> None:

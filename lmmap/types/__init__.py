@@ -6,7 +6,7 @@ are metres, pixels, radians and microseconds unless a name says otherwise; integ
 centres.
 """
 
-from ..camera_files import InputError
+from ..errors import InputError
 from .arrays import frozen_array, frozen_numbers
 from .camera import Camera
 from .checks import check_number, check_time, checked

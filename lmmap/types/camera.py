@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import camera_files
 from .arrays import frozen_array
-from .checks import check_fields, check_number, checked
+from .checks import camera_files, check_fields, check_number, checked
 
 MOST = 1e9  # pixels
 MODELS = {"radtan": (1, 2, 3, 4, 5), "equidistant": (4,)}  # how many coefficients they take
@@ -94,9 +93,9 @@ class Camera:
         Of several cameras in a file it is that of ``FILE:NAME``, else that of a recording's size and topics,
         else the first, with a warning.  A file that states no size is for images of ``size_px``.
         """
-        return cls(**camera_files.read_camera(path, cls, size_px, topics))
+        return camera_files().read_camera(path, size_px, topics)
 
     @checked
     def save(self, path: str | Path) -> None:
         """Write the JSON that `load` reads."""
-        camera_files.write_fields(path, self)
+        camera_files().write_fields(path, self)

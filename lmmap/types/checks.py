@@ -7,6 +7,7 @@ import typing
 from collections import abc
 from dataclasses import fields
 from functools import cache, wraps
+from importlib import import_module
 from numbers import Real
 from types import UnionType
 
@@ -97,3 +98,9 @@ def _is_numeric(value) -> bool:
         return np.asarray(value).dtype.kind in "biuf"
     except (TypeError, ValueError):  # such as lists of different lengths
         return False
+
+
+def camera_files():
+    """The module that reads and writes cameras and ports, which needs types and is needed by no other: only
+    their ``load`` and ``save`` call it."""
+    return import_module("lmmap.camera_files")

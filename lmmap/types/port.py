@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .. import camera_files
-from .checks import check_fields, check_number, checked
+from .checks import camera_files, check_fields, check_number, checked
 
+SYMMETRY = 1, 360  # markers a turn; at a degree each they are one ring
+OFFSET_M = -1e3, 1e3  # within a kilometre
+WINDOW_M = 0.0, 1e3  # zero: none
+TOLERANCE = 1e-4, 0.5  # of a length: from a hair's breadth to half of it
 TOLERANCES = "plate_height_tolerance", "marker_radius_tolerance", "ring_width_tolerance"
 ROUNDING_M = 1e-9  # by which parts that touch may seem to overlap
 
@@ -52,13 +55,13 @@ class Port:
             raise ValueError(
                 f"inner, ring_radius_m, outer: expected 0 < inner < ring_radius_m < outer, got {radii_m}"
             )
-        check_number("symmetry", self.symmetry, *camera_files.PORT["symmetry"][1:])
+        check_number("symmetry", self.symmetry, *SYMMETRY)
         for name in ("plate_circumradius_m", "plate_height_m", "marker_radius_m"):
-            check_number(name, getattr(self, name), *camera_files.OFFSET_M[1:])
+            check_number(name, getattr(self, name), *OFFSET_M)
         for name in TOLERANCES:
-            check_number(name, getattr(self, name), *camera_files.TOLERANCE[1:])
+            check_number(name, getattr(self, name), *TOLERANCE)
         for value in (self.window_radius_m, *self.window_size_m):
-            check_number("window_radius_m, window_size_m", value, *camera_files.WINDOW_M[1:])
+            check_number("window_radius_m, window_size_m", value, *WINDOW_M)
         self._check_windows()
 
     def _check_windows(self) -> None:
@@ -102,12 +105,12 @@ class Port:
     @checked
     def load(cls, path: str | Path) -> Port:
         """Read a JSON file with the fields of this class; raises `InputError`."""
-        return cls(**camera_files.read_port(path, cls))
+        return camera_files().read_port(path)
 
     @checked
     def save(self, path: str | Path) -> None:
         """Write the JSON that `load` reads."""
-        camera_files.write_fields(path, self)
+        camera_files().write_fields(path, self)
 
     @property
     def yaw_period_rad(self) -> float:

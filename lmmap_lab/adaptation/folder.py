@@ -88,6 +88,10 @@ def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, st
     return json.loads(json.dumps(facts))
 
 
+def _digest(kept: dict) -> str:
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
+
+
 def _sha256(path: Path) -> str:
     return hashlib.sha256(regular_file(path, MAX_BYTES).read_bytes()).hexdigest()
 
@@ -107,7 +111,8 @@ def write_made_of(folder: Path, facts: dict, outcomes: Mapping[str, Outcome]) ->
     """Write `MADE_OF`: what the networks depend on, what became of them, and the hash of each file."""
     files = {str(path.relative_to(folder)): _sha256(path) for path in sorted(folder.rglob("*.*"))}
     kept = {"made_of": facts, "outcomes": {m: asdict(o) for m, o in outcomes.items()}, "files": files}
-    (folder / MADE_OF).write_text(json.dumps(kept, indent=1) + "\n")
+    kept = json.loads(json.dumps(kept))
+    (folder / MADE_OF).write_text(json.dumps(kept | {"sha256": _digest(kept)}, indent=1) + "\n")
 
 
 def finished(folder: Path, facts: dict) -> dict[str, Outcome] | None:
@@ -133,12 +138,9 @@ def check_whole(folder: Path) -> dict:
     """What `MADE_OF` in a finished folder says; `InputError` unless the folder's files are those it lists."""
     try:
         kept = json.loads(read_text(folder / MADE_OF, MAX_BYTES))
-        shape = {"made_of": dict, "outcomes": dict, "files": dict}
-        if kept.keys() != shape.keys() or not all(isinstance(kept[k], kind) for k, kind in shape.items()):
-            raise ValueError("other fields")
-        for outcome in kept["outcomes"].values():
-            Outcome(**outcome)
-    except (ValueError, TypeError, AttributeError, RecursionError):
+        if kept.pop("sha256") != _digest(kept):
+            raise ValueError("its hash is another")
+    except (ValueError, TypeError, AttributeError, LookupError, RecursionError):
         remedy = "delete the folder, or give another one"
         raise InputError(f"{folder / MADE_OF}: damaged, or of another version; {remedy}") from None
     for name, expected in kept["files"].items():

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from lmmap.files import atomic
+from lmmap.files import atomic, regular_file
 from lmmap.marks import MARK, begin_folder, has_mark
 from lmmap.types import EVENT, Camera
 
@@ -43,6 +43,7 @@ def resume(folder: Path | None, event_sensor: EventSensor, mark: str) -> list[di
         begin_folder(folder, mark)
     finished = []
     for path in sorted(folder.glob("*.h5")):
+        regular_file(path)
         try:
             with h5py.File(path) as file:
                 finished.append({name: file[name][()] for name in file})

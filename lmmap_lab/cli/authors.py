@@ -12,6 +12,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from lmmap.cli.inputs import leave_out
 from lmmap.files import CAMERA, check_output, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
@@ -78,6 +79,7 @@ def calibrate(a) -> None:
     if a.board:
         calibrate_board(a)
         return
+    leave_out(a, "is of a board, and no --board is given", "square")
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
     output = check_output(a.output or a.bags[0].parent / RIG_FILE, _inputs(a), overwrite=a.overwrite)
@@ -128,9 +130,8 @@ def describe(rig) -> str:
 
 def calibrate_board(a) -> None:
     """Intrinsics from recordings of a checkerboard, by one camera."""
-    for name in ("hand_eye", "free", "base", "effector", "on_arm"):
-        if getattr(a, name):
-            raise InputError(f"--board: calibrates a camera, no rig; leave --{name.replace('_', '-')} out")
+    others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
+    leave_out(a, "is of a rig, and --board calibrates a camera", *others)
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(

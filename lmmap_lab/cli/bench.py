@@ -8,6 +8,7 @@ from itertools import product
 
 from tqdm import tqdm
 
+from lmmap.cli.inputs import leave_out
 from lmmap.files import check_output
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
@@ -25,6 +26,8 @@ from . import authors
 def simulate(a) -> None:
     """Sequences of the bench to files."""
     if a.as_published:
+        text = "is for a --sequence, and stand-ins are of their own"
+        leave_out(a, text, "sequence", "output", "overwrite", "camera", "jobs", "scheduler", "profile")
         authors.simulate(a)
         return
     if not (a.sequence and a.output):
@@ -33,6 +36,8 @@ def simulate(a) -> None:
         raise InputError(f"{a.output}: cannot write '{a.output.suffix}'; name it {', '.join(WRITERS)}")
     if len(a.sequence) > 1 and "{}" not in a.output.name:
         raise InputError(f"{a.output}: one name for {len(a.sequence)} sequences; put {{}} where theirs goes")
+    if len(set(a.sequence)) < len(a.sequence):
+        raise InputError(f"--sequence {' '.join(a.sequence)}: names one twice; give each once")
     paths = [a.output.with_name(a.output.name.replace("{}", name)) for name in a.sequence]
     for path in paths:
         for written in (path, path.with_suffix(".camera.json"), path.with_suffix(".truth.csv")):
@@ -95,6 +100,7 @@ def reproduce(a) -> None:
     if a.adapt and not a.data:
         raise InputError("--adapt: networks learn a laboratory from its bags; give --data FOLDER as well")
     if a.data:
+        leave_out(a, "is for the bench's sequences, and --data has its own", "jobs")
         authors.reproduce(a)
         return
     if not paper:

@@ -6,7 +6,7 @@ import json
 import warnings
 from dataclasses import replace
 
-from lmmap.cli.inputs import input_files
+from lmmap.cli.inputs import input_files, leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.types import InputError, Port
@@ -20,9 +20,8 @@ PORT_FILE = "port.json"
 
 def calibrate_port(a) -> None:
     """A port's file, and a table of what was measured."""
-    for name in ("board", "hand_eye", "free", "base", "effector", "on_arm"):
-        if getattr(a, name):
-            raise InputError(f"--port: measures a port, not a rig; leave --{name.replace('_', '-')} out")
+    others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
+    leave_out(a, "is of a rig or a board, and --port measures a port", *others)
     if not a.measure_port:
         raise InputError("--focal: is measured together with a port; give --port as well")
     if len(a.bags) > 1:

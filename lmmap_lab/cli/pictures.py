@@ -9,10 +9,10 @@ import numpy as np
 
 from lmmap.cli.choices import MODALITIES
 from lmmap.drawing.overlay import draw
-from lmmap.files import atomic, check_output
+from lmmap.files import atomic, check_output, writes
 from lmmap.pipeline.weights import DOMAIN_GAPS, load_networks
 from lmmap.settings import OURS
-from lmmap.types import InputError, Port
+from lmmap.types import Port
 
 from ..studies.any_lens import best_look, looks, markers_px
 from ..studies.pdf import pictures as read_pictures
@@ -25,11 +25,8 @@ HEADER = (
 
 def pictures(a) -> None:
     """Draw what each set of filters finds in each picture, and print a line for each."""
-    try:
+    with writes(a.output):
         a.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        text = f"cannot make this folder ({error.strerror}); give another name"
-        raise InputError(f"{a.output}: {text}") from None
     modalities = [a.modality] if a.modality else MODALITIES
     networks = {m: {gap: load_networks(gap, m) for gap in DOMAIN_GAPS} for m in modalities}
     port = Port.load(a.port) if a.port else Port.lm_map()
@@ -45,7 +42,8 @@ def pictures(a) -> None:
                 panels.append(_panel(look, port, picture.shape[0]))
                 print(_line(name, modality, gap, look, picture.shape[1::-1]), flush=True)
             with atomic(path) as part:
-                cv2.imwrite(str(part), np.hstack(panels)[..., ::-1])
+                if not cv2.imwrite(str(part), np.hstack(panels)[..., ::-1]):
+                    raise OSError("OpenCV wrote nothing")
 
 
 def _panel(look, port: Port, height_px: int) -> np.ndarray:

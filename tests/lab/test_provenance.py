@@ -65,8 +65,8 @@ def test_a_pattern_without_a_file_is_an_error():
 
 
 def test_a_module_is_made_by_all_that_it_imports():
-    files = ("lmmap/calibrations.py", "lmmap/camera_files.py", "lmmap/documents.py", "lmmap/files.py")
-    assert results.source_files("lmmap.camera_files") == files
+    files = {"lmmap/calibrations.py", "lmmap/camera_files.py", "lmmap/documents.py", "lmmap/files.py"}
+    assert files < set(results.source_files("lmmap.camera_files"))
     files = results.source_files("lmmap.estimation.estimates")
     assert {"lmmap/types/pose.py", "lmmap/pipeline/network.py", "lmmap/refinement/joint.py"} < set(files)
     assert not any(name.startswith(("lmmap_lab", "lmmap/cli")) for name in files)

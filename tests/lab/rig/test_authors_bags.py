@@ -124,8 +124,8 @@ def test_calibrating_a_bag(folder, capsys, monkeypatch):
     assert 0 < calibrated.calibration["port_sigma_mm"] < 3
     assert calibrated.ring_radius_m == pytest.approx(wanted.ring_radius_m, rel=0.02)
     assert calibrated.calibration["recordings"] == ["normal__train.bag"]
-    for bad in (("30", "-o", folder / "nowhere" / "rig.json"), ("0",)):
-        code, _, err = run(capsys, *argv, *bad)
+    for bad in (("-o", folder / "nowhere" / "rig.json", "--rate", "30"), ("-o", rig, "--rate", "0")):
+        code, _, err = run(capsys, "calibrate", bag, *bad)
         assert code == 1 and err.count("\n") == 1
     monkeypatch.setattr(Estimator, "__call__", None)  # nothing is estimated twice
     monkeypatch.setattr(calibration, "calibrate_rig", lambda *_: calibrated)
