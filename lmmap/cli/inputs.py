@@ -44,7 +44,7 @@ def leave_out(a, why: str, *names: str) -> None:
     """`InputError` for options that were given, and that what is asked for does not use."""
     for name in names:
         if name in getattr(a, "given", ()) or getattr(a, name) is True:
-            raise InputError(f"--{name.replace('_', '-')}: {why}; leave it out")
+            raise InputError(f"{why}; leave --{name.replace('_', '-')} out")
 
 
 def as_read(a) -> dict:

@@ -43,7 +43,7 @@ def live(a) -> None:
     if a.seconds is not None and not 0 < a.seconds < 1e9:
         raise InputError(f"--seconds {a.seconds:g}: give how long to go on, over 0 s, or leave it out")
     if not isinstance(a.recording, Path):
-        leave_out(a, "tells how a recording is read, and none is named", "fps", "time_unit", "stream")
+        leave_out(a, "live: no recording is named, so nothing is read by it", "fps", "time_unit", "stream")
     if a.output:
         check_output(a.output, input_files(a), overwrite=a.overwrite)
     device, camera, stream = _open(a)

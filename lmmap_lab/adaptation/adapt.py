@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import timed_images
-from lmmap.files import atomic, lock, writes
+from lmmap.files import atomic, lock, temporary, writes
 from lmmap.marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
@@ -87,7 +87,8 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
             else:
                 begin_folder(unfinished, as_mark(facts))
             outcomes = _adapt(recording, folder, unfinished, estimators, recipes, weights, facts, report)
-        remove_folder(unfinished)
+        with temporary(folder):  # and what a run left that was killed at its end
+            remove_folder(unfinished)
     return outcomes
 
 

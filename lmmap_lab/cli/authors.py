@@ -79,7 +79,7 @@ def calibrate(a) -> None:
     if a.board:
         calibrate_board(a)
         return
-    leave_out(a, "is of a board, and no --board is given", "square")
+    leave_out(a, "calibrate: no --board is given", "square")
     if not 0 < a.rate < 1e4:
         raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
     output = check_output(a.output or a.bags[0].parent / RIG_FILE, _inputs(a), overwrite=a.overwrite)
@@ -131,7 +131,7 @@ def describe(rig) -> str:
 def calibrate_board(a) -> None:
     """Intrinsics from recordings of a checkerboard, by one camera."""
     others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "is of a rig, and --board calibrates a camera", *others)
+    leave_out(a, "--board: calibrates a camera, no rig", *others)
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(

@@ -26,7 +26,7 @@ from . import authors
 def simulate(a) -> None:
     """Sequences of the bench to files."""
     if a.as_published:
-        text = "is for a --sequence, and stand-ins are of their own"
+        text = "--as-published: stand-ins have sequences of their own"
         leave_out(a, text, "sequence", "output", "overwrite", "camera", "jobs", "scheduler", "profile")
         authors.simulate(a)
         return
@@ -100,7 +100,7 @@ def reproduce(a) -> None:
     if a.adapt and not a.data:
         raise InputError("--adapt: networks learn a laboratory from its bags; give --data FOLDER as well")
     if a.data:
-        leave_out(a, "is for the bench's sequences, and --data has its own", "jobs")
+        leave_out(a, "--data: its bags are read one after the other", "jobs")
         authors.reproduce(a)
         return
     if not paper:

@@ -21,7 +21,7 @@ PORT_FILE = "port.json"
 def calibrate_port(a) -> None:
     """A port's file, and a table of what was measured."""
     others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "is of a rig or a board, and --port measures a port", *others)
+    leave_out(a, "--port: measures a port, not a rig", *others)
     if not a.measure_port:
         raise InputError("--focal: is measured together with a port; give --port as well")
     if len(a.bags) > 1:

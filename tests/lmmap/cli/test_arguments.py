@@ -96,7 +96,10 @@ RGB = DRAWN, "--modality", "rgb"
     [
         (("live", *RGB, "--seconds", "0"), "--seconds 0: give how long"),
         (("live", *RGB, "--seconds", "nan"), "--seconds nan: give how long"),
-        (("live", "--modality", "rgb", "--camera", "c.json", "--fps", "5"), "--fps: tells how a recording"),
+        (
+            ("live", "--modality", "rgb", "--camera", "c.json", "--fps", "5"),
+            "no recording is named, so nothing is read by it; leave --fps out",
+        ),
         (("info", "{}", "--fps", "0"), "--fps 0: give the pictures per second, over 0"),
         (("info", "n" * 300), "File name too long"),
         (("info", DRAWN, "--camera", "n" * 300 + ".json"), "File name too long"),
