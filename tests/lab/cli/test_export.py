@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib
+import inspect
 import json
 import re
 import shutil
@@ -15,6 +16,7 @@ import pytest
 from lmmap.cli import main
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.second_opinion import BEFORE, estimator_of
 from lmmap.pipeline.weights import weight_path
 from lmmap.settings import OURS
 from lmmap.types import Port
@@ -51,7 +53,7 @@ def test_the_steps_are_the_estimators_in_its_order(folder):
     modules = [
         (importlib.import_module(module), name) for module, _, name in (s.partition(":") for s in steps)
     ]
-    codes, called = [getattr(module, name).__code__ for module, name in modules], []
+    codes, called = [inspect.unwrap(getattr(module, name)).__code__ for module, name in modules], []
     r = drawn.recording(4)
     longer = replace(r.camera, fx_px=2 * r.camera.fx_px, fy_px=2 * r.camera.fy_px)
     estimator, e = Estimator(longer, modality="event"), r.events[: OURS.events_per_window]
@@ -108,3 +110,35 @@ def test_without_onnx_it_says_what_to_install(tmp_path, lmmap, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnx", None)
     code, out, err = lmmap("export", "low", "-o", tmp_path / "x")
     assert (code, out) == (1, "") and err == "lmmap: export: no package onnx; pip install 'lmmap[export]'\n"
+
+
+def test_networks_that_have_learned_go_with_those_from_before_and_their_own_limit(tmp_path, lmmap):
+    own = tmp_path / "own"
+    for folder, more in ((own, {"adapted": True, "min_confidence": 0.97}), (own / BEFORE, {})):
+        folder.mkdir()
+        for name in ("ring", "reflector"):
+            path = weight_path(name, "rgb", "low")
+            shutil.copy(path, folder / path.name)
+            card = json.loads(path.with_suffix(".json").read_text()) | more
+            (folder / path.name).with_suffix(".json").write_text(json.dumps(card))
+    code, _, err = lmmap("export", own, "-o", tmp_path / "onnx")
+    assert code == 0, err
+    names = ["ring-rgb.onnx", "reflector-rgb.onnx"]
+    told = json.loads((tmp_path / "onnx" / DOCUMENT).read_text())
+    assert told["networks"].keys() == {*names, *(f"{BEFORE}-{name}" for name in names)}
+    assert told["settings"]["min_confidence"] == vars(OURS.min_confidence)
+    both = told["second_opinion"]["rgb"]
+    assert both["learned"] == names and both["before"] == [f"before-{name}" for name in names]
+    estimator = estimator_of(None, None, "rgb", own)
+    assert both["min_confidence"] == estimator.learned.settings.min_confidence.rgb == 0.97
+    named = set(re.findall(r"\b[a-z]+(?:_[a-z]+)+\b", both["joined"])) - {"second_opinion"}
+    assert named <= {*vars(OURS), "second_opinion"}
+    module, name = both["joined"].split(": ")[0].split(":")
+    assert getattr(importlib.import_module(module), name) is type(estimator)
+    for lost in (own / f"ring-rgb-low{suffix}" for suffix in (".safetensors", ".json")):
+        lost.rename(tmp_path / "lost")
+        assert lmmap("export", own, "-o", tmp_path / "again")[0] == 1 and not (tmp_path / "again").exists()
+        (tmp_path / "lost").rename(lost)
+    shutil.rmtree(own / BEFORE)
+    code, _, err = lmmap("export", own, "-o", tmp_path / "again")
+    assert code == 1 and "no networks from before" in err and not (tmp_path / "again").exists()
