@@ -11,8 +11,8 @@ import places
 import pytest
 from strategies import line
 
-from lmmap.pipeline.second_opinion import BEFORE, estimator_of
-from lmmap.pipeline.weights import network_paths
+from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.weights import BEFORE, network_paths
 from lmmap.types import Camera, Estimate, InputError, Status
 from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import folder as folders
@@ -123,7 +123,7 @@ def test_networks_that_have_learned_are_not_used_without_those_from_before(tmp_p
     adapt(tmp_path / "more", weights=tmp_path / "networks")
     for folder in (tmp_path / "networks", tmp_path / "more"):
         shutil.rmtree(folder / BEFORE)
-        assert "no networks from before" in line(estimator_of, places.CAMERA, None, "rgb", folder)
+        assert "no networks from before" in line(Estimator, places.CAMERA, None, "rgb", folder)
 
 
 @pytest.mark.parametrize(
@@ -196,5 +196,5 @@ def test_a_recording_without_images_leaves_nothing(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("size_px", "crop_px"), [((64, 48), 48), ((346, 260), 96), ((95, 200), 95)])
 def test_crops_fit_into_small_sensors(size_px, crop_px):
     camera = Camera(*size_px, 324.0, 324.0, size_px[0] / 2, size_px[1] / 2)
-    estimator = estimator_of(camera, None, "event", "robust")
+    estimator = Estimator(camera, None, "event", "robust")
     assert {r.crop_px for r in adapting._recipes(estimator, 3, 0, "x")} == {crop_px}
