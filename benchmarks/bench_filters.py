@@ -36,7 +36,7 @@ def main():
         nets = plain.nets(modality)
         _, image = list(images(recording, modality))[-5]
         port, camera = exact.port, exact.grid
-        ring = find_ring(exact.ring_network(image), port, camera, exact.settings)
+        ring = find_ring(exact.ring_network(image), exact.setup)
         circles = candidates(ring.ellipse, camera, port.ring_radius_m)
         seconds = {"plain": [], **{p: [] for p in ours}}
         for _ in range(ROUNDS):

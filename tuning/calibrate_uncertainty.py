@@ -59,7 +59,7 @@ def measured(estimator: Estimator, name: str):
     seen, port, camera = recording(name), estimator.port, estimator.grid
     for t_us, image in images(seen, estimator.modality, rate_hz=RATE_HZ):
         truth = seen.truth.at(np.array([min(t_us, seen.truth.t_us[-1])]))[0]
-        ring = find_ring(estimator.ring_network(image), port, camera, estimator.settings)
+        ring = find_ring(estimator.ring_network(image), estimator.setup)
         if not (isinstance(ring, Contour) and in_view(truth, port, camera)):
             continue
         circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)

@@ -60,7 +60,7 @@ def answers(estimator: Estimator, image, truth) -> list[dict]:
     rows, ring_mask = [], estimator.ring_network(image)
     for threshold, share in CUTS:
         estimator.settings = replace(estimator.settings, mask_threshold=threshold, peak_share=share)
-        ring = find_ring(ring_mask, port, camera, estimator.settings)
+        ring = find_ring(ring_mask, estimator.setup)
         row = {"mask_threshold": threshold, "sure": share, "score": -1.0, "right": False}
         if isinstance(ring, Contour):
             circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)

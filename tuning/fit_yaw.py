@@ -39,7 +39,7 @@ def views(set_name: str, modality: str, weights: str) -> list[dict]:
     for case in wrong_poses.cases(set_name, modality, weights):
         for look in case.looks:
             estimator.looks = [look]
-            ring = find_ring(look.masks[0], PORT, CAMERA)
+            ring = find_ring(look.masks[0], estimator.setup)
             if not isinstance(ring, Contour):
                 continue
             pair = circle.poses(ring.ellipse, CAMERA, PORT.ring_radius_m)

@@ -50,7 +50,7 @@ def scores(modality: str, estimator: Estimator) -> list[dict]:
         for image, (ring, markers), T in cases(condition):
             mask = estimator.ring_network(image)
             fits.append(iou(mask > cut, ring))
-            rings.append(is_ring(find_ring(mask, estimator.port, estimator.grid, estimator.settings), T))
+            rings.append(is_ring(find_ring(mask, estimator.setup), T))
             seen = reflector_mask(estimator.reflector_network, image, T[None], estimator.port, estimator.grid)
             marked.append(iou(seen > cut, markers))
         row = {"modality": modality, "condition": name, "images": len(fits)}

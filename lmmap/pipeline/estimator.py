@@ -91,7 +91,7 @@ class Estimator(ImageEstimator):
         setup = self.setup
         port, grid, settings = setup.port, setup.camera, setup.settings
         seen = look(image, self.ring_network, self.reflector_network, near)
-        ring = find_ring(seen.ring, port, grid, settings, near and near.ellipse)
+        ring = find_ring(seen.ring, setup, near and near.ellipse)
         if isinstance(ring, Status):
             return Estimate(t_us, ring)
         circles = (circle.poses if near else circle.candidates)(ring.ellipse, grid, port.ring_radius_m)

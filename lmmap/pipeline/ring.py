@@ -19,19 +19,19 @@ from ..refinement.contour import Contour
 from ..settings import OURS, Settings
 from ..types import Camera, Ellipse, Port, Status
 from . import ellipse, local_search
+from .setup import Setup
 
 MAX_WIDTHS = 4.0  # of the image, that a ring's semi-axis may have: what is sampled along it takes memory
 
 
-def find_ring(
-    mask: np.ndarray, port: Port, camera: Camera, settings: Settings = OURS, near: Ellipse | None = None
-) -> Contour | Status:
+def find_ring(mask: np.ndarray, setup: Setup, near: Ellipse | None = None) -> Contour | Status:
     """The ring's contour in a mask (H, W), free of lens distortion; or why there is none.
 
     It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
     of it.
     """
-    if near is not None and (ring := follow(near, mask, port, camera, settings)):
+    camera, settings = setup.camera, setup.settings
+    if near is not None and (ring := follow(near, mask, setup)):
         return ring
     for peak_share in (settings.peak_share, 0.0):
         points = skeleton_points(mask, settings.mask_threshold, peak_share)
@@ -45,20 +45,18 @@ def find_ring(
         status = Status.NO_ELLIPSE
     else:
         return status
-    ring = contour.trace(fitted, mask, strip_px(fitted, port, settings), camera, settings)
-    if ring and not _is_ports(ring, port, camera, settings):
+    ring = contour.trace(fitted, mask, strip_px(fitted, setup), camera, settings)
+    if ring and not _is_ports(ring, setup):
         return Status.NO_ELLIPSE
     return _scored(ring or contour.from_points(fitted, points[inliers]), points, mask, camera)
 
 
-def follow(
-    expected: Ellipse, mask: np.ndarray, port: Port, camera: Camera, settings: Settings = OURS
-) -> Contour | None:
+def follow(expected: Ellipse, mask: np.ndarray, setup: Setup) -> Contour | None:
     """Trace the contour around the expected ellipse.  Return None if the mask by itself fails the checks that
     apply to any ring."""
-    half_width_px = strip_px(expected, port, settings)
-    ring = contour.trace(expected, mask, half_width_px, camera, settings, rounds=(2,))
-    if ring is None or not _is_ports(ring, port, camera, settings):
+    camera, settings = setup.camera, setup.settings
+    ring = contour.trace(expected, mask, strip_px(expected, setup), camera, settings, rounds=(2,))
+    if ring is None or not _is_ports(ring, setup):
         return None
     major, minor = ring.ellipse.semi_axes_px
     if minor < settings.min_axis_ratio * major or major < settings.min_semi_major_px:
@@ -69,9 +67,10 @@ def follow(
     return ring if ring.score >= settings.min_arc_coverage * settings.mask_threshold else None
 
 
-def _is_ports(ring: Contour, port: Port, camera: Camera, settings: Settings) -> bool:
+def _is_ports(ring: Contour, setup: Setup) -> bool:
     """Whether a traced ring is the view of a circle with a stroke hardly wider than the port's."""
-    return ring.width <= settings.widest_stroke * stroke(port) and is_view(ring.ellipse, camera)
+    widest = setup.settings.widest_stroke * stroke(setup.port)
+    return ring.width <= widest and is_view(ring.ellipse, setup.camera)
 
 
 def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:
@@ -80,9 +79,9 @@ def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:
     return replace(ring, score=score, arc_coverage=ellipse.arc_coverage(ring.ellipse, points_px))
 
 
-def strip_px(ring: Ellipse, port: Port, settings: Settings = OURS) -> float:
+def strip_px(ring: Ellipse, setup: Setup) -> float:
     """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""
-    return float(settings.contour_half_width * (stroke(port) * ring.semi_axes_px[0]))
+    return float(setup.settings.contour_half_width * (stroke(setup.port) * ring.semi_axes_px[0]))
 
 
 def stroke(port: Port) -> float:

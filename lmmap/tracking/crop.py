@@ -12,14 +12,12 @@ from ..pipeline import circle
 from ..pipeline.crops import Box
 from ..pipeline.masks import Expected, markers_box_px
 from ..pipeline.ring import strip_px
-from ..settings import OURS, Settings
+from ..pipeline.setup import Setup
 from ..types import Camera, Port, Pose
 from .motion_model import MotionState
 
 
-def expected_ring(
-    state: MotionState, port: Port, camera: Camera, settings: Settings = OURS
-) -> Expected | None:
+def expected_ring(state: MotionState, setup: Setup) -> Expected | None:
     """The ring of a predicted state in the pixels of a camera; None if it is not all before the
     camera, or its box is outside the image.
 
@@ -27,11 +25,12 @@ def expected_ring(
     the ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
     That of the markers is about both poses that the expected ellipse leaves open.
     """
+    port, camera, settings = setup.port, setup.camera, setup.settings
     points_px, sigma_px = ring_spread_px(state, port, camera)
     ellipse = circle_ellipse(state.T_cam_port, port.ring_radius_m, camera)
     if not (np.isfinite(sigma_px).all() and is_view(ellipse, camera)):
         return None
-    margin_px = settings.crop_sigmas * sigma_px + strip_px(ellipse, port, settings) + 1
+    margin_px = settings.crop_sigmas * sigma_px + strip_px(ellipse, setup) + 1
     low_px, high_px = (points_px - margin_px).min(0), (points_px + margin_px).max(0)
     if np.any(high_px < 0) or np.any(low_px > np.array(camera.size_px) - 1):
         return None

@@ -148,7 +148,7 @@ class Tracker:
         for t_us, image in looks:
             state = self._predict(t_us)
             predicted = state and state.T_cam_port
-            near = state and expected_ring(state, estimator.port, estimator.grid, estimator.settings)
+            near = state and expected_ring(state, estimator.setup)
             self._since_full[modality] += 1
             if near and self._since_full[modality] < estimator.settings.full_frame_every:
                 yield replace(estimator(image, t_us, near), predicted=predicted)

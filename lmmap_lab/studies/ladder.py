@@ -94,7 +94,7 @@ class Ladder:
     def _ring(self, estimator: Estimator, image, mask) -> tuple[Pose, np.ndarray] | Status:
         """The four candidates of an estimator's ellipse and the reflector mask, or why there are none."""
         port, camera = estimator.port, estimator.grid
-        ring = find_ring(mask, port, camera, estimator.settings)
+        ring = find_ring(mask, estimator.setup)
         if isinstance(ring, Status):
             return ring
         circles = circle.candidates(ring.ellipse, camera, port.ring_radius_m)

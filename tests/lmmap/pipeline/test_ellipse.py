@@ -12,6 +12,7 @@ from lmmap.geometry import conics, rotations
 from lmmap.geometry.port import ideal_masks
 from lmmap.pipeline import ellipse
 from lmmap.pipeline.ring import binarise, find_ring, skeleton_points
+from lmmap.pipeline.setup import Setup
 from lmmap.settings import OURS
 from lmmap.types import Ellipse
 
@@ -131,7 +132,7 @@ def test_open_gates_take_no_memory(seed):
     gates |= dict(min_arc_coverage=0.0, mask_threshold=0.0, peak_share=0.0, contour_min_rays=0.0)
     mask = np.random.default_rng(seed).random((260, 346)) ** (1 + 3 * seed)
     tracemalloc.start()
-    find_ring(mask, PORT, CAMERA, replace(OURS, **gates))
+    find_ring(mask, Setup(PORT, CAMERA, "rgb", replace(OURS, **gates)))
     assert tracemalloc.get_traced_memory()[1] < 2e8
     tracemalloc.stop()
 

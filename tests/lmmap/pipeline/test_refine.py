@@ -17,11 +17,12 @@ from lmmap.types import Pose
 
 T0 = Pose(rotation_z(0.3) @ np.diag([1.0, -1, -1]), np.array([0.01, 0.02, 0.6]))
 RING, MARKERS = (np.asarray(mask, np.float32) for mask in ideal_masks(T0, PORT, CAMERA))
-CLEAR, SETUP = find_ring(RING, PORT, CAMERA), Setup(PORT, CAMERA, "rgb")
+SETUP = Setup(PORT, CAMERA, "rgb")
+CLEAR = find_ring(RING, SETUP)
 
 
 def test_a_faint_ring_is_known_worse():
-    faint = find_ring(0.6 * RING, PORT, CAMERA)
+    faint = find_ring(0.6 * RING, SETUP)
     assert faint.score == pytest.approx(0.6 * CLEAR.score, rel=0.02)
     half, least, less, clear = (
         sigma_px(replace(CLEAR, score=score), SETUP) for score in (0.5, OURS.min_ring_score, 0.0, 1.0)

@@ -131,5 +131,5 @@ def test_where_a_ring_is_expected_only_those_that_learned_are_asked_again(folder
         look._replace(see=lambda *shot: seen.append(shot) or NONE) for look in estimator.further
     ]
     assert len(estimator.further) == 2  # the turned one
-    near = expected_ring(MotionState.start(0, TRUE, 1e-6 * np.eye(6)), PORT, CAMERA)
+    near = expected_ring(MotionState.start(0, TRUE, 1e-6 * np.eye(6)), estimator.setup)
     assert look_again(estimator, NONE, IMAGE, 7, near, None) is NONE and seen == [(IMAGE, 7, near)]
