@@ -12,12 +12,12 @@ import numpy as np
 import torch
 
 from ..pipeline.crops import AT_ONCE, workers
-from ..pipeline.estimator import Estimator
+from ..pipeline.image_estimator import ImageEstimator
 from ..types import AnyRecording, Estimate, InputError, checked
 from .images import TimedImage, timed_images
 
 
-def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
+def estimate_image(estimator: ImageEstimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
     """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
     and of the image whose pose it is."""
     t_us, image = timed.wider or (None, None)
@@ -25,7 +25,7 @@ def estimate_image(estimator: Estimator, timed: TimedImage) -> tuple[np.ndarray,
     return image if estimate.t_us == t_us else timed.image, estimate
 
 
-def estimate_images(timed: Iterable[TimedImage], estimator: Estimator) -> Iterator[tuple]:
+def estimate_images(timed: Iterable[TimedImage], estimator: ImageEstimator) -> Iterator[tuple]:
     """Yield ``(image, estimate)`` for each `TimedImage`, in their order, as `each_image` does."""
     return each_image(timed, partial(estimate_image, estimator))
 
@@ -52,7 +52,7 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
 
 @checked
 def estimate(
-    recording: AnyRecording, estimator: Estimator, rate_hz: float | None = None
+    recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
     """Estimates of a whole recording, in the order of time."""
     timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
