@@ -18,19 +18,26 @@ from lmmap.types import Camera, Port, Pose
 
 from .port_outline import KINDS, dimensions_m, kinds_of, outline, with_dimensions
 
-SIZES, OFFSETS, MASKS, FOCAL = slice(0, 5), slice(5, 7), slice(5, 9), 9  # of what all images share
+SIZES, OFFSETS, MASKS, LENS = (
+    slice(0, 5),
+    slice(5, 7),
+    slice(5, 9),
+    slice(9, None),
+)  # of what all images share
 
 PRIOR_SHARE = 0.2  # standard deviation of a dimension, in units of it, before anything is measured
 OFFSET_PX = 0.3  # standard deviation of how far a mask reaches beyond its part, on all sides alike
 GROWTH_PX = 0.15  # standard deviation of how much that changes while the distance grows e times
-LOG_FOCAL = 0.5  # standard deviation of the focal length's logarithm before anything is measured
+# standard deviations, before anything is measured, of the focal length's logarithm, the first radial
+# coefficient, and the centre in units of the image's width
+LENS_SIGMA = (0.5, 0.15, 0.01, 0.01)
 LEAST_SIGMA_PX = 0.05  # of a measured edge
 TUKEY = 4.7  # standard deviations beyond which a residual counts for nothing
 BAD_IMAGE = 3.0  # times the typical residual: the image shows another pose than its start
 LEAST_SHARE = 0.3  # of the edges of ring and of markers, without which an image counts for nothing
 ROUNDS, LEAST_ROUNDS, SETTLED = 40, 6, 0.03  # steps, and the last one's size in standard deviations
 LONGEST_STEP, LONGEST_TURN_RAD = 0.2, 0.1  # in units of a dimension (px, logarithm), and of a pose
-STEP_M = 1e-6  # for derivatives
+STEP_M = STEP = 1e-6  # for derivatives
 
 Measure = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -45,8 +52,9 @@ class PortFit:
         The measured one.
     sigma_m : numpy.ndarray
         Standard deviations (5,) of `DIMENSIONS`.
-    focal_ratio, focal_ratio_sigma : float
-        Of the focal length to the camera's; 1 and 0 unless it was asked for.
+    lens, lens_sigma : numpy.ndarray
+        By what the lens differs from the camera's, as `with_lens` takes it, and the standard deviations,
+        (0 to 4,).
     T_cam_port : Pose
         (N,) with the measured port.
     kept : numpy.ndarray
@@ -61,16 +69,39 @@ class PortFit:
 
     port: Port
     sigma_m: np.ndarray
-    focal_ratio: float
-    focal_ratio_sigma: float
+    lens: np.ndarray
+    lens_sigma: np.ndarray
     T_cam_port: Pose
     kept: np.ndarray
     offset_px: np.ndarray
     residual_px: np.ndarray
     settled: bool
 
+    @property
+    def focal_ratio(self) -> float:
+        """Of the focal length to the camera's."""
+        return float(np.exp(self.lens[:1].sum()))
 
-def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal: bool = False) -> PortFit:
+    @property
+    def focal_ratio_sigma(self) -> float:
+        return self.focal_ratio * float(self.lens_sigma[:1].sum())
+
+
+def with_lens(camera: Camera, lens: np.ndarray) -> Camera:
+    """A camera whose focal length's logarithm, first radial coefficient and centre, in units of the image's
+    width, differ by as much as ``lens`` (0 to 4,) states."""
+    log_ratio, k1, right, down = np.append(lens, np.zeros(4 - len(lens)))
+    distortion = np.append(camera.distortion, np.zeros(max(4 - len(camera.distortion), 0)))
+    distortion[0] += k1
+    return replace(
+        camera, fx_px=camera.fx_px * np.exp(log_ratio), fy_px=camera.fy_px * np.exp(log_ratio),
+        cx_px=camera.cx_px + right * camera.width_px, cy_px=camera.cy_px + down * camera.width_px,
+        distortion=tuple(distortion) if len(lens) > 1 else camera.distortion,
+    )  # fmt: skip
+
+
+def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, lens: int = 0,
+           prior_m: np.ndarray | None = None) -> PortFit:  # fmt: skip
     """Poses and dimensions that fit the measured edges of all images best.
 
     Each step eliminates the poses (Schur complement), and edges are measured anew after it.  Tukey's weights
@@ -87,15 +118,18 @@ def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal
         (N, K) px along the normals to the image's edges; NaN where there is none.
     port
         The start; what is not measured stays as it has it.
-    focal
-        Whether the focal length is an unknown, too.
+    lens
+        How many values of `with_lens` are unknown, too: 1 is the focal length alone.
+    prior_m
+        Standard deviations (5,) of `DIMENSIONS` before anything is measured; default: a fifth of each.
     """
-    dimensions, extra = dimensions_m(port), np.ones(int(focal))
+    dimensions, extra = dimensions_m(port), np.array(LENS_SIGMA[:lens])
     start = np.concatenate([dimensions, np.zeros(2 * KINDS), 0 * extra])
     size = np.maximum(np.abs(dimensions), 0.1 * port.ring_radius_m)  # a plate may stand in the ring's plane
-    prior = [PRIOR_SHARE * size, np.repeat([OFFSET_PX, GROWTH_PX], KINDS), LOG_FOCAL * extra]
+    prior_m = PRIOR_SHARE * size if prior_m is None else prior_m
+    prior = [prior_m, np.repeat([OFFSET_PX, GROWTH_PX], KINDS), extra]
     precision = np.diag(np.concatenate(prior) ** -2.0)
-    longest = LONGEST_STEP * np.concatenate([size, np.ones(2 * KINDS), extra])
+    longest = LONGEST_STEP * np.concatenate([size, np.ones(2 * KINDS + lens)])
     T, shared, settled, kept_before = T_cam_port, start, False, np.ones(len(T_cam_port), bool)
     for count in range(ROUNDS):
         gap_px, J_pose, J_shared = linearise(T, shared, measure, port, camera)
@@ -124,19 +158,15 @@ def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, focal
         settled = bool(np.all(np.abs(step) < SETTLED * sigma))
         if settled and count + 1 >= LEAST_ROUNDS:
             break
-    ratio = float(np.exp(shared[FOCAL])) if focal else 1.0
-    ratio_sigma = ratio * float(sigma[FOCAL]) if focal else 0.0
-    return PortFit(with_dimensions(port, shared[SIZES]), sigma[SIZES], ratio, ratio_sigma, T, kept,
+    return PortFit(with_dimensions(port, shared[SIZES]), sigma[SIZES], shared[LENS], sigma[LENS], T, kept,
                    shared[OFFSETS], residual_px, settled)  # fmt: skip
 
 
 def linearise(T: Pose, shared, measure: Measure, port: Port, camera: Camera):
     """Measured gaps (N, K) px at poses (N,), and their derivatives by what would close them: by the poses
     (N, K, 6) and by what all images share (N, K, Q)."""
-    sizes, focal = shared[SIZES], len(shared) > FOCAL
-    if focal:
-        ratio = np.exp(shared[FOCAL])
-        camera = replace(camera, fx_px=ratio * camera.fx_px, fy_px=ratio * camera.fy_px)
+    sizes, lens, assumed = shared[SIZES], shared[LENS], camera
+    camera = with_lens(assumed, lens)
     now = outline(with_dimensions(port, sizes))
     turned, along, outward = (v @ np.swapaxes(T.rotation, -1, -2) for v in now)
     in_cam = turned + T.position_m[:, None]  # (N, K, 3)
@@ -157,8 +187,9 @@ def linearise(T: Pose, shared, measure: Measure, port: Port, camera: Camera):
     mask = np.broadcast_to(np.eye(KINDS)[kinds_of(len(by_size))], (*at.shape[:2], KINDS))
     J = [np.einsum("nkj,nji,kid->nkd", across, T.rotation, by_size), mask,
          mask * (log_distance - np.median(log_distance))[:, None, None]]  # fmt: skip
-    if focal:
-        J.append(np.sum(normal * (at - [camera.cx_px, camera.cy_px]), -1, keepdims=True))
+    for step in STEP * np.eye(len(lens)):
+        ahead, behind = (project(in_cam, with_lens(assumed, lens + d)) for d in (step, -step))
+        J.append(np.sum(normal * (ahead - behind), -1, keepdims=True) / (2 * STEP))
     return gap_px, np.nan_to_num(J_pose), np.nan_to_num(np.concatenate(J, -1))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -78,21 +78,24 @@ def measure_port(recording: AnyRecording, port: Port | None = None, modality: st
             f"{recording.name}: {fit.kept.sum()} of {len(fit.kept)} images agree on one port, {LEAST_IMAGES} "
             "are needed; check the camera's calibration, and record more views"
         )
-    return replace(fit, sigma_m=ALIKE * fit.sigma_m, focal_ratio_sigma=ALIKE * fit.focal_ratio_sigma), views
+    return replace(fit, sigma_m=ALIKE * fit.sigma_m, lens_sigma=ALIKE * fit.lens_sigma), views
 
 
-def collect(timed: Iterable[TimedImage], estimator: Estimator) -> Views:
+def collect(timed: Iterable[TimedImage], estimator: Estimator, keep: Callable | None = None,
+            most: int = MOST_LOOKED_AT) -> Views:  # fmt: skip
     """The images with a pose, be it a doubtful one: a port that is not as drawn makes poses doubtful.
 
-    Of more than twice `MOST_LOOKED_AT` every second is kept, so memory does not grow with the recording.
+    Of more than twice ``most`` every second is kept, so memory does not grow with the recording.  ``keep``
+    makes of an image what is kept of it; default: the image in the networks' pixels.
     """
+    keep = keep or estimator.to_grid
     found, statuses = [], Counter()
     for image, estimate in tqdm(estimate_images(timed, estimator), "poses", unit=" images", disable=None):
         statuses[estimate.status] += 1
         T = estimate.doubtful if estimate.T_cam_port is None else estimate.T_cam_port
         if T is not None:
-            found.append((T, estimator.to_grid(image)))
-        if len(found) > 2 * MOST_LOOKED_AT:
+            found.append((T, keep(image)))
+        if len(found) > 2 * most:
             found = found[::2]
     rotation = np.array([T.rotation for T, _ in found]).reshape(-1, 3, 3)
     position_m = np.array([T.position_m for T, _ in found]).reshape(-1, 3)
@@ -160,20 +163,26 @@ class MaskEdges:
         ])  # fmt: skip
 
 
-def half_height_px(mask, points_px, normal) -> np.ndarray:
+def half_height_px(
+    mask, points_px, normal, least_peak: float = LEAST_PEAK, floor: bool = False
+) -> np.ndarray:
     """How far (K,) from points (K, 2) along normals (K, 2) a mask (H, W) falls to half of what it reaches
-    there, at the nearest such place; NaN where it does not, or where the profile leaves the image."""
+    there, at the nearest such place; NaN where it does not, or where the profile leaves the image.
+
+    With ``floor`` heights are over the least on each profile, as an image needs: its dark is not zero.
+    """
     offset_px = np.arange(-REACH_PX, REACH_PX + STEP_PX / 2, STEP_PX)
     grid = points_px[:, None] + offset_px[:, None] * normal[:, None]
     inside = np.all((grid >= 0) & (grid <= np.array(mask.shape[::-1]) - 1), (1, 2))
     profile = cv2.remap(mask, np.nan_to_num(grid, nan=-10).astype(np.float32), None, cv2.INTER_LINEAR)
+    profile = profile - profile.min(1, keepdims=True) if floor else profile
     peak = profile.max(1)
     above = profile - peak[:, None] / 2
     falls = (above[:, :-1] >= 0) & (above[:, 1:] < 0)
     drop = np.where(falls, above[:, :-1] - above[:, 1:], 1.0)
     where_px = np.where(falls, offset_px[:-1] + STEP_PX * above[:, :-1] / drop, np.inf)
     gap_px = where_px[np.arange(len(where_px)), np.argmin(np.abs(where_px), 1)]
-    return np.where(inside & (peak > LEAST_PEAK) & np.isfinite(gap_px), gap_px, np.nan)
+    return np.where(inside & (peak > least_peak) & np.isfinite(gap_px), gap_px, np.nan)
 
 
 def undetermined(fit: PortFit, focal: bool = False) -> list[str]:
