@@ -32,7 +32,8 @@ from lmmap_lab.provenance import DATA, save_table
 PORT = Port.lm_map()
 SKIMAGE = ("astronaut.png", "brick.png", "cell.png", "chelsea.png", "clock_motion.png", "coffee.png",
            "coins.png", "color.png", "grass.png", "gravel.png", "horse.png", "hubble_deep_field.jpg",
-           "ihc.png", "moon.png", "motorcycle_left.png", "page.png", "retina.jpg", "rocket.jpg", "text.png")  # fmt: skip
+           "ihc.png", "moon.png", "motorcycle_left.png", "page.png", "retina.jpg", "rocket.jpg",
+           "text.png")  # fmt: skip
 SCENES = (*SKIMAGE, "grace_hopper.jpg")
 POSES, CIRCLES = 30, 50  # of a scene: images with a port, and with circles alone
 LARGEST, SUPER = 6, 2  # decoys in an image, at most; samples a pixel along each axis

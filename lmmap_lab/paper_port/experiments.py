@@ -13,7 +13,7 @@ RATE_HZ = 15.0
 CAMERA = Camera(640, 480, 600.0, 600.0, 322.0, 236.0, (-0.06, 0.0, 0.0, 0.0))
 STILLS = 10  # images of a port that stands still
 SLIDE_MM = np.repeat(np.arange(0, 101, 20), 3)  # along a ruler
-LENGTHS = {"wave": 16, "slide": len(SLIDE_MM), "head-on": STILLS, "turned": STILLS, "cover": 6, "lamp": 6,
+LENGTHS = {"wave": 12, "slide": len(SLIDE_MM), "head-on": STILLS, "turned": STILLS, "cover": 6, "lamp": 6,
            "flat": STILLS}  # fmt: skip
 PARTS = dict(
     zip(LENGTHS, map(slice, *np.cumsum([[0, *LENGTHS.values()][:-1], [*LENGTHS.values()]], 1)), strict=True)
