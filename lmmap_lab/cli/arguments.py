@@ -33,6 +33,7 @@ CALIBRATE = """examples:
   lmmap calibrate dataset_0307/dvs_calibration.bag --board 8x5 --square 0.03     writes camera.json
   lmmap calibrate normal__train.bag --hand-eye camera-to-robot-calibration_dvs.yaml
   lmmap calibrate T1_RA_0_ES_0_a.bag T2_RA_0_ES_1_a.bag --free -o rig.json
+  lmmap calibrate clip.mp4 --focal                   a webcam's lens, from a minute of waving the port about
   lmmap calibrate own.aedat4 --port -o port.json     the dimensions of the port that it shows
 """
 PRINT = """examples:
@@ -191,8 +192,11 @@ def calibrate(commands: Commands) -> None:
     command.add_argument("--square", type=float, default=0.03, metavar="M", help=text)
     text = "measure the port's dimensions instead, from one recording of any format"
     command.add_argument("--port", action="store_true", dest="measure_port", help=text)
-    command.add_argument("--focal", action="store_true", help="with --port: the focal length as well")
-    commands.add_output(command, "default: rig.json, camera.json or port.json, beside the first bag")
+    text = "the camera's focal length and first radial coefficient, from a port that is waved about"
+    command.add_argument("--focal", action="store_true", help=f"{text}; with --port both")
+    commands.add_output(
+        command, "default: rig.json, camera.json, port.json or CLIP.camera.json, beside the first bag"
+    )
     command.add_argument("--json", action="store_true", help="print JSON")
 
 

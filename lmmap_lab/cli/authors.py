@@ -30,7 +30,7 @@ from ..rig import authors_bags, calibration, checkerboard, standin, tf
 from ..rig.hand_eye_file import HandEyeFile, read_hand_eye
 from ..studies import bag_estimates, on_authors_bags, table1
 from ..training.recipe import FAST, Recipe
-from . import measured_port
+from . import measured_lens, measured_port
 
 
 def dataset(a) -> None:
@@ -72,9 +72,9 @@ def dataset(a) -> None:
 
 
 def calibrate(a) -> None:
-    """A rig from bags, a camera from one of a checkerboard, or a port from a recording."""
+    """A rig from bags, a camera from one of a checkerboard, or a port or a lens from a recording."""
     if a.measure_port or a.focal:
-        measured_port.calibrate_port(a)
+        (measured_port.calibrate_port if a.measure_port else measured_lens.calibrate_lens)(a)
         return
     if a.board:
         calibrate_board(a)

@@ -22,8 +22,6 @@ def calibrate_port(a) -> None:
     """A port's file, and a table of what was measured."""
     others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
     leave_out(a, "--port: measures a port, not a rig", *others)
-    if not a.measure_port:
-        raise InputError("--focal: is measured together with a port; give --port as well")
     if len(a.bags) > 1:
         raise InputError(
             f"--port: measures from one recording, got {len(a.bags)}; give the one of most views"

@@ -22,7 +22,7 @@ from .port_views import LEAST_IMAGES, MOST_IMAGES, Views, check, collect, half_h
 
 LEAST_CONTRAST = 30.0  # grey levels across an edge
 LENS_UNKNOWNS = 4
-INFLATION = 2.0  # of the standard deviations, so that 95 % intervals hold 95 %; tuning/lens_from_waving.py
+INFLATION = 2.0  # of the standard deviations, so that 95 % intervals hold 95 %; benchmarks/lens_coverage.py
 KNOWN = 1 / 3  # of its standard deviation before: a coefficient is known if no more than this is left
 
 
@@ -41,7 +41,9 @@ class Lens:
 
 
 def measure_lens(stream: Stream, port: Port, weights, rate_hz: float | None = None) -> Lens:
-    """The lens that a recording's frames show, from the start that is the stream's camera.
+    """The lens that a recording's frames show; the stream's camera is the start.
+
+    The port's size has no part in it: a port of twice the size at twice the distance looks the same.
 
     Raises
     ------
@@ -57,21 +59,14 @@ def measure_lens(stream: Stream, port: Port, weights, rate_hz: float | None = No
     if fit.kept.sum() < LEAST_IMAGES:
         raise InputError(
             f"{stream.name}: {fit.kept.sum()} of {len(fit.kept)} images agree on one lens, {LEAST_IMAGES} "
-            "are needed; keep zoom and focus, give the printed port with --port, wave more slowly"
+            "are needed; fix zoom and focus, and wave more slowly"
         )
     sigma = INFLATION * fit.lens_sigma
     camera = with_lens(stream.camera, fit.lens)
     known = bool(sigma[1] < KNOWN * LENS_SIGMA[1])
     camera = camera if known else replace(camera, distortion=stream.camera.distortion)
-    return Lens(
-        camera,
-        camera.fx_px * sigma[0],
-        sigma[1],
-        known,
-        views.statuses.total(),
-        int(fit.kept.sum()),
-        fit.settled,
-    )
+    return Lens(camera, camera.fx_px * sigma[0], sigma[1], known, views.statuses.total(), int(fit.kept.sum()),
+                fit.settled)  # fmt: skip
 
 
 def _places(views: Views, camera: Camera) -> np.ndarray:

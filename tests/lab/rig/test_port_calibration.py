@@ -110,11 +110,11 @@ def test_exact_edges_give_the_port_to_a_micrometre(port, camera, rng, focal):
 
 def test_derivatives_are_those_of_the_gaps(port, camera, rng):
     """What closes a gap to exact edges is the change that made it, to first order."""
-    T, shared, h = views(rng, 4), np.append(dimensions_m(port), np.zeros(5)), 1e-6
+    T, shared, h = views(rng, 4), np.append(dimensions_m(port), np.zeros(8)), 1e-6
     edges = ExactEdges(T, port, camera)
     _, J_pose, J_shared = port_calibration.linearise(T, shared, edges, port, camera)
-    for k in (0, 1, 2, 3, 4, 9):
-        gap_px, _, _ = port_calibration.linearise(T, shared + h * np.eye(10)[k], edges, port, camera)
+    for k in (0, 1, 2, 3, 4, 9, 10, 11, 12):
+        gap_px, _, _ = port_calibration.linearise(T, shared + h * np.eye(13)[k], edges, port, camera)
         np.testing.assert_allclose(-gap_px / h, J_shared[..., k], atol=2e-3 * np.abs(J_shared[..., k]).max())
     for k in range(6):
         moved = port_calibration._moved(T, np.tile(h * np.eye(6)[k], (4, 1)))
@@ -266,7 +266,6 @@ def test_bad_input_is_one_line(higher, tmp_path, capsys):
         ([text, "--port", "-o", tmp_path / "new.json"], "notes.txt"),
         ([path, path, "--port"], "one recording"),
         ([path, "--port", "--board", "8x5"], "leave --board out"),
-        ([path, "--focal"], "give --port as well"),
         ([path, "--port", "--rate", "0"], "--rate 0"),
         ([path, "--port", "--rate", "0.05", "-o", tmp_path / "new.json"], "12 are needed"),
         ([path, "--port", "--modality", "event", "-o", tmp_path / "new.json"], "holds no images"),
