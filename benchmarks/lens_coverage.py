@@ -41,17 +41,22 @@ def draw_lens(rng) -> Camera:
     return Camera(WIDTH, HEIGHT, f, f, (WIDTH - 1) / 2 + right, (HEIGHT - 1) / 2 + down, (k1, 0, 0, 0))
 
 
-def draw_view(camera: Camera, port: Port, rng) -> tuple[Pose, np.ndarray]:
-    """A pose with the whole ring in view, and the grey image (H, W) u8."""
+def draw_pose(camera: Camera, port: Port, rng) -> Pose:
+    """A pose with the whole ring in view, anywhere in the image."""
     while True:
-        z, around = rng.uniform(0.3, 0.8) * camera.fx_px / WIDTH, rng.uniform(0, 2 * np.pi)
+        z, around = rng.uniform(0.3, 0.8) * camera.fx_px / camera.width_px, rng.uniform(0, 2 * np.pi)
         tilt = np.radians(rng.uniform(0, 50)) * np.array([np.cos(around), np.sin(around), 0])
         roll = Rotation.from_euler("z", rng.uniform(-60, 60), degrees=True)
         turn = Rotation.from_rotvec(tilt) * FACING * roll
         beside = rng.uniform(-0.5, 0.5, 2) * camera.size_px / camera.fx_px
         T = Pose(turn.as_matrix(), z * np.append(beside, 1))
         if in_view(T, port, camera):
-            break
+            return T
+
+
+def draw_view(camera: Camera, port: Port, rng) -> tuple[Pose, np.ndarray]:
+    """A pose, and its grey image (H, W) u8."""
+    T = draw_pose(camera, port, rng)
     light = INK + BRIGHT * ideal_masks(T, port, camera, samples=3).max(0)
     light = cv2.GaussianBlur(light, (0, 0), rng.uniform(0.7, 1.3))
     seen = 255 * (1.055 * light ** (1 / 2.4) - 0.055) + 2 * rng.standard_normal(light.shape)

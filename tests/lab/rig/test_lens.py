@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import replace
 
 import cv2
 import lens_coverage
@@ -9,30 +10,33 @@ import numpy as np
 import pytest
 from test_port_calibration import ExactEdges, disturbed, views
 
-from lmmap.types import Camera, Port
+from lmmap.types import Camera, Port, Pose
 from lmmap_lab.rig import port_views
 from lmmap_lab.rig.lens import fit_lens
 from lmmap_lab.rig.port_calibration import adjust, with_lens
 
-LENS = np.array([0.07, -0.05, 0.01, -0.006])
+LENS = np.array([0.07, -0.05, 0.004, -0.006])
 
 
 def test_a_lens_differs_by_its_values(camera):
     assert with_lens(camera, LENS[:0]) == camera and with_lens(camera, LENS[:1]).distortion == ()
     other = with_lens(camera, LENS)
     assert other.fx_px / camera.fx_px == other.fy_px / camera.fy_px == pytest.approx(np.exp(0.07))
-    assert other.distortion == (-0.05, 0, 0, 0) and other.cx_px - camera.cx_px == pytest.approx(3.46)
+    assert other.distortion == (-0.05, 0, 0, 0) and other.cx_px - camera.cx_px == pytest.approx(0.004 * 346)
     twice = with_lens(other, -LENS)
     assert np.allclose(
         [twice.fx_px, twice.cx_px, twice.cy_px, *twice.distortion], [324, 172.5, 129.5, 0, 0, 0, 0]
     )
 
 
-def test_exact_edges_give_the_lens(port, camera, rng):
-    """The port's dimensions are known to a part in ten thousand, the lens is not."""
-    T, true = views(rng), with_lens(camera, LENS)
+def test_exact_edges_give_the_lens(port, rng):
+    """From a start that is 7 % off; what was known before pulls a little.  These edges know no distortion."""
+    camera, lens = Camera(640, 480, 600, 600, 319.5, 239.5), LENS * [1, 0, 1, 1]
+    true = replace(with_lens(camera, lens), distortion=())
+    drawn = [lens_coverage.draw_pose(true, port, rng) for _ in range(24)]
+    T = Pose(np.stack([T.rotation for T in drawn]), np.stack([T.position_m for T in drawn]))
     fit = adjust(disturbed(T, rng), ExactEdges(T, port, true), port, camera, 4, np.full(5, 1e-5))
-    assert fit.settled and np.allclose(fit.lens, LENS, atol=1e-4)
+    assert fit.settled and np.all(np.abs(fit.lens - lens) < [1e-3, 2e-3, 5e-4, 5e-4])
 
 
 def test_an_image_has_its_edges_over_a_floor():
@@ -52,11 +56,11 @@ def test_a_simulated_clip_is_within_its_interval():
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory):
-    """Sixteen views by a lens of 46 degrees, in a video."""
+    """Fourteen views by a lens of 46 degrees, in a video."""
     path, rng = tmp_path_factory.mktemp("lens") / "clip.avi", np.random.default_rng(5)
     camera = Camera(480, 360, 560, 560, 241, 178, (-0.1, 0, 0, 0))
     video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5, camera.size_px)
-    for _ in range(16):
+    for _ in range(14):
         video.write(cv2.cvtColor(lens_coverage.draw_view(camera, Port.lm_map(), rng)[1], cv2.COLOR_GRAY2BGR))
     video.release()
     return path, camera
