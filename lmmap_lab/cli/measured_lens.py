@@ -8,7 +8,7 @@ import warnings
 from dataclasses import replace
 
 from lmmap.cli.inputs import leave_out
-from lmmap.files import atomic, check_output
+from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.sensors import assumed
 from lmmap.settings import OURS
@@ -40,8 +40,7 @@ def calibrate_lens(a) -> None:
         camera = stream.camera or assumed(stream.source.size_px, path)
     stream = replace(stream, name=str(path), camera=camera, checked=True)
     lens = measure_lens(stream, Port.lm_map(), OURS.weights, a.rate)
-    with atomic(output) as temporary:
-        lens.camera.save(temporary)
+    lens.camera.save(output)
     print(json.dumps(facts(lens), indent=1) if a.json else f"{output}: {describe(lens)}")
     if not lens.settled or lens.focal_sigma_px > DOUBTFUL * lens.camera.fx_px:
         text = "the views hardly determine the focal length: record tilted ones, near, far and in all corners"

@@ -23,12 +23,11 @@ def print_port(a) -> None:
     output = check_output(a.output, [a.port], overwrite=a.overwrite)
     port = Port.load(a.port) if a.port else Port.lm_map()
     printed = scale_port(port, port.ring_radius_m * a.scale * (a.ruler or RULER_MM) / RULER_MM)
-    if a.ruler is None:
+    if a.ruler is not None:
+        printed.save(output)
+    else:
         check(output, printed, a.paper, a.scale)
-    with atomic(output) as temporary:
-        if a.ruler is not None:
-            printed.save(temporary)
-        else:
+        with atomic(output) as temporary:
             write_sheets(temporary, printed, a.paper, a.port.name if a.port else "LM-MAP", a.scale)
     ring_mm = f"its ring is {2e3 * printed.ring_outer_radius_m:.1f} mm wide"
     if a.ruler is not None:
