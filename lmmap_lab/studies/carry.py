@@ -75,7 +75,8 @@ def carry(report=print, study: Study = OURS, beside: Path | None = None) -> None
                 rows, different = compare(new / path.stem / "paper", known / path.stem / "paper", until_us)
                 if different or not rows:
                     refused.append(path.stem)
-                    report(f"{path.stem}: {len(different)} of {rows} rows differ, such as {different[:1]}")
+                    example = (different or ["there is none to compare"])[0]
+                    report(f"{path.stem}: {len(different)} of {rows} rows differ: {example}")
                 else:
                     facts = {"seed": seed, "rows": rows, "beginning_s": until_us * 1e-6}
                     carry_over(
