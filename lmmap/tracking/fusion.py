@@ -27,12 +27,11 @@ from ..geometry.rotations import equal_turns
 from ..settings import OURS, MotionSettings, Settings
 from ..types import Estimate, Status, check_number, check_time, checked
 from .discord import Discord, in_accord
-from .gate import match
+from .gate import check_pair, match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
 
 LEAST_HZ, MOST_HZ = 1e-6, 1e6  # of fused estimates: one in 12 days, or one a microsecond
-ROUNDED = 1e-6  # of a correlation: what a table's digits may take from a covariance's symmetry
 MOST_BELIEF = 1 - 1e-9  # so that odds are finite
 # how far a failed image came
 STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS, Status.UNSURE)
@@ -179,7 +178,7 @@ def fuse(
 
     def heard() -> Iterator[tuple[str, Estimate]]:
         for pair in timed:
-            camera, e = _check(pair)
+            camera, e = check_pair(pair)
             discord.add(camera, e)
             yield camera, e
 
@@ -212,31 +211,6 @@ def _judged(fusion: Fusion, t_us: int, settings: Settings) -> Estimate:
         return e
     confidence = fusion.belief * probability_within_limits(e, settings)
     return e.judged(confidence, settings.min_fused_confidence)
-
-
-def _check(pair) -> tuple[str, Estimate]:
-    """A camera and its estimate; ValueError for anything else, or a pose that no filter can take."""
-    if not (isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[1], Estimate)):
-        raise ValueError(f"timed: expected pairs of a camera's name and an Estimate, got {pair!r:.60}")
-    camera, e = pair
-    check_time("t_us", e.t_us)
-    if e.T_cam_port is None:
-        return pair
-    if e.covariance is None:
-        raise ValueError(f"estimates: expected covariances, got none from {camera}")
-    if not np.all(np.isfinite(e.covariance)):
-        raise ValueError(f"estimates: expected a finite covariance (6, 6), got another from {camera}")
-    if not np.all((variances := np.diag(e.covariance)) > 0):
-        raise ValueError(f"estimates: expected positive variances, got {variances.tolist()} from {camera}")
-    correlation = e.covariance / np.sqrt(np.outer(variances, variances))
-    lopsided = np.abs(correlation - correlation.T).max()
-    if lopsided > ROUNDED or (least := np.linalg.eigvalsh(correlation)[0]) <= 0:
-        fault = f"is not symmetric by {lopsided:.2g}" if lopsided > ROUNDED else f"has {least:.2g}"
-        expected = "a symmetric covariance with positive eigenvalues"
-        raise ValueError(f"estimates: expected {expected}, got one from {camera} whose correlation {fault}")
-    if not 0 < e.confidence <= 1:
-        raise ValueError(f"estimates: expected confidences in (0, 1], got {e.confidence} from {camera}")
-    return pair
 
 
 def _progress(status: Status) -> int:

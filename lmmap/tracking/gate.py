@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.rotations import rotation_angle_rad, single_rotation_vector
-from ..types import Estimate, Pose
+from ..types import Estimate, Pose, check_time
 from .motion_model import MotionState
+
+ROUNDED = 1e-6  # of a correlation: what a table's digits may take from a covariance's symmetry
 
 
 class Match(NamedTuple):
@@ -61,3 +63,32 @@ def rotate_covariance(covariance, normal, rival) -> np.ndarray:
     turn = np.eye(6)
     turn[3:, 3:] += cross + cross @ cross / max(1 + cosine, 1e-9)
     return turn @ covariance @ turn.T
+
+
+def check_pair(pair) -> tuple[str, Estimate]:
+    """A camera and its estimate; ValueError for anything else, or a pose that no filter can take."""
+    if not (isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[1], Estimate)):
+        raise ValueError(f"timed: expected pairs of a camera's name and an Estimate, got {pair!r:.60}")
+    camera, e = pair
+    check_time("t_us", e.t_us)
+    if e.T_cam_port is not None:
+        _check_covariance(e.covariance, camera)
+        if not 0 < e.confidence <= 1:
+            raise ValueError(f"estimates: expected confidences in (0, 1], got {e.confidence} from {camera}")
+    return pair
+
+
+def _check_covariance(covariance, camera: str) -> None:
+    """ValueError unless a pose's covariance is one: symmetric, with positive eigenvalues."""
+    if covariance is None:
+        raise ValueError(f"estimates: expected covariances, got none from {camera}")
+    variances = np.diag(covariance)
+    if not (np.all(np.isfinite(covariance)) and np.all(variances > 0)):
+        raise ValueError(f"estimates: expected positive variances, got {variances.tolist()} from {camera}")
+    correlation = covariance / np.sqrt(np.outer(variances, variances))
+    lopsided, least = np.abs(correlation - correlation.T).max(), np.linalg.eigvalsh(correlation)[0]
+    if lopsided > ROUNDED or least <= 0:
+        raise ValueError(
+            f"estimates: expected symmetric covariances with positive eigenvalues, got one from {camera} "
+            f"whose correlations differ from their mirrors by {lopsided:.2g} and have the eigenvalue {least:.2g}"
+        )
