@@ -90,5 +90,5 @@ def _check_covariance(covariance, camera: str) -> None:
     if lopsided > ROUNDED or least <= 0:
         raise ValueError(
             f"estimates: expected symmetric covariances with positive eigenvalues, got one from {camera} "
-            f"whose correlations differ from their mirrors by {lopsided:.2g} and have the eigenvalue {least:.2g}"
+            f"whose correlations are lopsided by {lopsided:.2g}, with the least eigenvalue {least:.2g}"
         )
