@@ -83,7 +83,7 @@ def seen_in(source: Path) -> list[list[Overlay]]:
 
 
 def drawn_anew(seen: list[list[Overlay]], x, draws: int) -> np.ndarray:
-    """Dimensions (D, 13) from pieces of line drawn with replacement.
+    """All unknowns (D, ...) from pieces of line drawn with replacement.
 
     Each draw sees green in one of the ways, and its fit begins beside ``x``.
     """
@@ -95,7 +95,7 @@ def drawn_anew(seen: list[list[Overlay]], x, draws: int) -> np.ndarray:
         times = np.bincount(rng.integers(0, total, total), minlength=total)
         rows = np.repeat(np.arange(len(pieces[way])), times[pieces[way]])
         found, _ = fits[way].solve(beside(x, rng), free, rows, steps=15)
-        values.append(found[:COUNT])
+        values.append(found)
         if (draw + 1) % 10 == 0:
             say(f"{draw + 1} of {draws} draws")
     return np.array(values)
@@ -162,7 +162,7 @@ def run(source: Path) -> None:
     there, costs["free"] = at_focal(overlays, by_focal[best_px], None)
     say(f"free, {np.exp(there[-1]):.0f} px: cost {costs['free']:.1f}, plate {there[1]:.3f} high")
     changes = (np.array(list(by_focal.values())) - by_focal[FOCAL_PX])[:, :COUNT]
-    rows = table(drawn_anew(seen, x, DRAWS), fills_larger(x), changes)
+    rows = table(drawn_anew(seen, x, DRAWS)[:, :COUNT], fills_larger(x), changes)
     print(rows.to_string(index=False, float_format="%.3f"))
     save_table(TABLE, rows, pictures=[overlay.name for overlay in overlays], focal_px=FOCAL_PX, draws=DRAWS,
                free_focal_px=round(float(np.exp(there[-1])), 1), seed=SEED,

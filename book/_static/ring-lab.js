@@ -163,8 +163,19 @@
 
   const paths = (list) => list.map(([name, d]) => `<path class="${name}" d="${d}"/>`).join("");
 
+  // What the printed formula's median over the test's poses is with a lens, between the lenses of a table
+  function medianText({ medians, band: [least, most] }, { lens_mm, same_image }) {
+    if (!same_image) return "";
+    const k = Math.min(Math.max(medians.findIndex(([lens]) => lens >= lens_mm), 1), medians.length - 1);
+    const [[a, from], [b, to]] = [medians[k - 1], medians[k]];
+    const median = from + ((to - from) * (lens_mm - a)) / (b - a);
+    const where = median > most ? "above" : median < least ? "below" : "within";
+    return ` With this lens its median over the test's poses is <b>${median.toFixed(1)}°</b>, ${where} the ${least} to ${most}° of Table I.`;
+  }
+
   function start(root) {
     const state = { ...START };
+    const table = JSON.parse(root.dataset.table);
     const view = { yaw: 0.5, pitch: 0.35 };
     root.innerHTML = `<div class="views">
       <svg class="space" viewBox="0 0 346 260" tabindex="0" role="img" aria-label="camera, cone of sight and circles in space; drag or use the arrow keys to look from elsewhere"></svg>
@@ -188,8 +199,8 @@
       });
       inputs.at(-1).checked = state.same_image;
       root.querySelector(".said").innerHTML =
-        `Printed formula: normal off by <b>${S.printed_deg.toFixed(1)}°</b>, position by ${S.printed_mm.toFixed(1)} mm. ` +
-        `Exact: ${S.exact_deg.toFixed(1)}°, and a twin ${S.twin_deg.toFixed(1)}° away. ` +
+        `Printed formula: normal off by <b>${S.printed_deg.toFixed(1)}°</b>, position by ${S.printed_mm.toFixed(1)} mm.` +
+        `${medianText(table, state)} Exact: ${S.exact_deg.toFixed(1)}°, and a twin ${S.twin_deg.toFixed(1)}° away. ` +
         `The ellipse's centre is ${S.offset_px.toFixed(2)} px from the ring's.`;
     }
     const clamp = (key, value) => {
@@ -232,6 +243,6 @@
     draw();
   }
 
-  window.RingLab = { solve, START };
+  window.RingLab = { solve, START, medianText };
   document.querySelectorAll(".ring-lab:empty").forEach(start);
 })();

@@ -13,7 +13,8 @@ from ..studies.on_authors_bags import BY_ITSELF
 from .tables import accuracy_table
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
-STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry"}
+STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry",
+           "misalignment": "whether the truth is askew, and what is left without it"}  # fmt: skip
 
 
 def side_by_side(out: Path, bench: Path) -> pd.DataFrame:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import json
+from collections.abc import Mapping
 from io import BytesIO
 
 import matplotlib.pyplot as plt
@@ -22,13 +24,24 @@ START_TILT_DEG, START_DISTANCE_M = 35.0, 0.35  # where the script begins, and wh
 
 
 class RingLab:
-    """The interactive ring as the output of a notebook's cell, with a still of its start for print."""
+    """The interactive ring as the output of a notebook's cell, with a still of its start for print.
 
-    def __init__(self, radius_m: float, camera: Camera):
+    Parameters
+    ----------
+    medians_deg
+        The printed formula's median error over the test's poses by the lens in mm.
+    band_deg : the least and the largest median of Table I
+    """
+
+    def __init__(self, radius_m: float, camera: Camera, medians_deg: Mapping[float, float],
+                 band_deg: tuple[float, float]):  # fmt: skip
         self.radius_m, self.camera = radius_m, camera
+        self.facts = {"medians": [[lens, round(deg, 2)] for lens, deg in medians_deg.items()],
+                      "band": [round(deg, 1) for deg in band_deg]}  # fmt: skip
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
-        html = f'<div class="ring-lab"></div><script>{SCRIPT.read_text()}</script>'
+        facts = json.dumps(self.facts)
+        html = f"<div class='ring-lab' data-table='{facts}'></div><script>{SCRIPT.read_text()}</script>"
         return {"text/html": html, "image/png": self.still()}
 
     def still(self) -> str:

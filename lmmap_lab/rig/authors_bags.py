@@ -29,6 +29,7 @@ STUDIES = (  # study, bags that it needs, their size
     ("false detections", "dataset_0307 (its bag without a port)", "not stated"),
     ("odometry", "a test bag in high light", "over 6 GB a bag"),
     ("ground truth", HAND_EYE, "some hundred bytes"),
+    ("misaligned truth, or a formula", "two test bags, and the ground truth's file", "over 6 GB a bag"),
     ("intrinsics", "the raw calibration bags", "not stated"),
 )
 LIGHT_LEVELS = {"dark": "low", "normal": "medium", "light": "high", "mixed": "mixed"}

@@ -99,20 +99,23 @@ def medians_by_tilt(
     )
 
 
-def lens_sweep(T: Pose, camera: Camera, radius_m: float, lenses_m) -> pd.DataFrame:
-    """Median error (deg) of each reading by lens, with the ring's size and place in the image held fixed.
+def behind_lens(T: Pose, camera: Camera, radius_m: float, ratio: float) -> tuple[Pose, Camera, float]:
+    """Poses, camera and radius with ``ratio`` times the radius over the distance, and the same image.
 
-    Behind a longer lens a smaller ring, nearer to the axis, gives the same ellipses from the same distances.
+    Behind a longer lens a smaller ring, nearer to the axis, is seen alike from the same distance.
     """
+    focal_px = camera.fx_px / ratio
+    lens = Camera(*camera.size_px, focal_px, focal_px, camera.cx_px, camera.cy_px)
+    return Pose(T.rotation, T.position_m * [ratio, ratio, 1]), lens, ratio * radius_m
+
+
+def lens_sweep(T: Pose, camera: Camera, radius_m: float, lenses_m) -> pd.DataFrame:
+    """Median error (deg) of each reading by lens, with the ring's size and place in the image held fixed."""
     rows = {}
     for lens_m in lenses_m:
-        focal_px = lens_m / DAVIS346_PITCH_M
-        scale = camera.fx_px / focal_px
-        lens = Camera(*camera.size_px, focal_px, focal_px, camera.cx_px, camera.cy_px)
-        there = Pose(T.rotation, T.position_m * [scale, scale, 1])
+        there = behind_lens(T, camera, radius_m, camera.fx_px * DAVIS346_PITCH_M / lens_m)
         rows[1e3 * lens_m] = {
-            reading: float(np.rad2deg(np.median(errors_rad(there, lens, scale * radius_m, reading))))
-            for reading in READINGS
+            reading: float(np.rad2deg(np.median(errors_rad(*there, reading)))) for reading in READINGS
         }
     return pd.DataFrame(rows).T.rename_axis("lens_mm")
 

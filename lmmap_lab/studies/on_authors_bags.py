@@ -12,10 +12,12 @@ from pathlib import Path
 import pandas as pd
 
 from lmmap.evaluation import error_table
+from lmmap.evaluation.pose_errors import true_poses
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.pose_files import stack_poses
 from lmmap.recordings.rig import Rig
 from lmmap.recordings.stream import Stream
 from lmmap.settings import MODALITIES, OURS
@@ -26,7 +28,7 @@ from ..rig import authors_bags
 from ..rig.authors_bags import AuthorsBag
 from ..rig.truth import true_trajectory
 from ..training import dataset
-from . import odometry, table1
+from . import misalignment, odometry, table1
 from .bag_estimates import bag_label, detect, folder_rig, learned_networks, resumable_file
 
 RATE_HZ = 10.0
@@ -73,7 +75,7 @@ def reproduce(folder, report=print, adapted: bool = False) -> Path:
     sets, elsewhere = dict.fromkeys(table1.DOMAIN_GAPS), dict.fromkeys(table1.DOMAIN_GAPS[:1])
     if adapted and roles["test"]:
         sets |= dict(zip(BY_ITSELF, (OURS.weights, learned_networks(roles, out, port, report)), strict=True))
-    tables = {name: [] for name in ("errors", "hard", "false", "odometry")}
+    tables = {name: [] for name in ("errors", "hard", "false", "odometry", "truths")}
     for bag in (*roles["test"], *roles["hard"], *roles["empty"]):
         try:
             own = sets if bag.role == "test" else elsewhere
@@ -83,6 +85,9 @@ def reproduce(folder, report=print, adapted: bool = False) -> Path:
             report(f"left out: {error}")
     results = {name: pd.DataFrame(tables[name]) for name in ("hard", "false", "odometry")}
     results["summary"] = _summary(tables["errors"])
+    results["misalignment"] = misalignment.misalignment(dict(tables["truths"]), port.yaw_period_rad)
+    if tables["truths"]:
+        report(misalignment.verdict(results["misalignment"]))
     for name, table in results.items():
         (out / f"{name}.csv").unlink(missing_ok=True)  # an earlier run's, whose bags may be gone
         if len(table):
@@ -180,6 +185,10 @@ def _study(bag: AuthorsBag, stream: Stream, estimates: list[Estimate], port: Por
         return
     training = gap if gap in BY_ITSELF else f"{gap}-domain-gap"
     tables["errors"].append(errors.assign(light=bag.light, modality=modality, training=training))
+    if gap == "low":
+        posed, truth = true_poses(stream, [e for e in estimates if e.T_cam_port is not None])
+        pair = stack_poses([e.T_cam_port for e in posed]), truth
+        tables["truths"].append((f"{bag.path.name}, {modality}", pair))
     if bag.light == "high" and gap == "low":
         try:
             scored = odometry.score([odometry.camera_track(estimates, port)], stream.truth)

@@ -6,10 +6,12 @@ import pytest
 
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.provenance import DATA
-from lmmap_lab.studies import domain_gap
+from lmmap_lab.studies import claims as claims_module
+from lmmap_lab.studies import domain_gap, five_degrees_study
 from lmmap_lab.studies.claims import claims
 from lmmap_lab.studies.claims_of_cameras import claims_of_cameras
 from lmmap_lab.studies.claims_of_method import roots_apart_rad
+from lmmap_lab.studies.five_degrees_fit import ASKEW, NOISE
 from lmmap_lab.studies.sensitivity import tilted_pose
 from lmmap_lab.studies.verdicts import (
     ASKED,
@@ -72,7 +74,7 @@ def test_with_the_papers_numbers_its_claims_hold():
     own = [
         "alike_high_gap", "events_win", "alike_low_gap", "events_either_gap", "not_hdr", "saturation",
         "frames_alike_in_low_light", "filter_rmse", "filter_rate", "normal_poor", "position_without_filter",
-        "sensitivity_explains", "satellite_agnostic", "slow_blinds_events", "reflect_blinds_frames",
+        "satellite_agnostic", "slow_blinds_events", "reflect_blinds_frames",
         "both_are_needed", "false_detections", "filter_median",
     ]  # fmt: skip
     assert (verdicts.verdict[own] == HOLDS).all()
@@ -161,8 +163,18 @@ def test_each_estimator_has_its_own_verdict_and_the_named_one_decides():
 
     table.loc[table.metric == "normal_error_deg", "ours"] = 0.5
     verdicts = judged(tables)
-    assert of(verdicts, "sensitivity_explains") == FAILS and of(verdicts, "normal_poor") == HOLDS
-    assert of(verdicts, "sensitivity_explains", "as_printed_verdict") == NOT_RUN
+    assert of(verdicts, "normal_poor") == HOLDS and of(verdicts, "normal_poor", "ours_verdict") == FAILS
+
+
+def test_noise_alone_fails_only_where_each_other_hypothesis_is_told_from_it():
+    study = pd.read_csv(five_degrees_study.COMMITTED)
+    judge = claims_module._sensitivity
+    assert judge(study)["verdict"] == of(judged(made()), "sensitivity_explains")
+    better = study.assign(misfit=np.where(study.hypothesis == NOISE, 1.0, 0.5), beats_noise=1.0)
+    assert judge(better)["verdict"] == FAILS
+    one = better.assign(beats_noise=(better.hypothesis == ASKEW).astype(float))
+    assert judge(one)["verdict"] == PARTLY and judge(better.assign(beats_noise=0.5))["verdict"] == HOLDS
+    assert judge(better.assign(misfit=0.5))["verdict"] == PARTLY
 
 
 def test_without_the_papers_procedure_its_formula_decides():

@@ -43,6 +43,7 @@ def test_reproduce_ends_with_the_marked_table(folder, capsys, monkeypatch):
     code, out, err = run(capsys, "reproduce", "--data", folder)
     assert code == 0, err
     assert "left out: holiday.bag: cannot read this bag" in out
+    assert "\ntoo few poses to tell a misaligned truth\n" in out
     for title in ("hard cases", "false detections", "lights that are not the paper's"):
         assert f"{title} (recordings: tiny)" in out
     table = out.split("table (recordings: tiny")[1]
