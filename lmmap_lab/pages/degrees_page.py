@@ -15,25 +15,24 @@ from .tables import CAMERAS
 
 STYLES = {  # of a hypothesis: its words, colour and mark
     NOISE: ("noise alone", "rival", "o"), LITERAL: ("printed formula, any lens", "paper", "s"),
-    FOUR: ("best of four roots", "rgb", "D"), ASKEW: ("misaligned truth", "ours", "^"),
+    FOUR: ("best of four roots", "rgb", "D"), ASKEW: ("misaligned truth", "truth", "^"),
 }  # fmt: skip
 SHARES = {"beats_noise": "better than noise alone (%)", "beats_askew": "better than a misaligned truth (%)"}
 
 
 def draw_cells(fits: Mapping[str, Fit]):
-    """Figure of Table I, column by column: medians and root mean squares of the normal, the paper's as bars
-    and the predictions of `STYLES` as marks."""
+    """Figure of Table I, column by column: medians and root mean squares of the normal, the paper's as
+    strokes and the predictions of `STYLES` as marks."""
     paper = paper_cells()
     fig, axes = plt.subplots(2, 1, figsize=(7.6, 4.6), sharex=True)
     at = np.arange(len(paper))
     for ax, statistic, title in zip(axes, range(2), ("median (°)", "root mean square (°)"), strict=True):
-        ax.bar(at, paper.to_numpy()[:, statistic], 0.9, color=COLOUR["ink"], alpha=0.15, label="Table I")
+        ax.plot(at, paper.to_numpy()[:, statistic], "_", ms=38, mew=2, color=COLOUR["ink"], label="Table I")
         for k, (name, (words, colour, mark)) in enumerate(STYLES.items()):
             predicted = paper.to_numpy()[:, statistic] * np.exp(fits[name].gap[:, statistic])
             ax.plot(at + 0.2 * (k - 1.5), predicted, mark, ms=5, color=COLOUR[colour], label=words)
         ax.set_ylabel(title)
         ax.grid(axis="x", visible=False)
-        ax.set_ylim(bottom=3.5)
     labels = [f"{light}\n{CAMERAS[camera]}" for _, light, camera in paper.index]
     axes[1].set_xticks(at, labels, fontsize=7)
     first_low = sum(gap == OUTLYING[0] for gap, *_ in paper.index) - 0.5
@@ -41,7 +40,13 @@ def draw_cells(fits: Mapping[str, Fit]):
         ax.axvline(first_low, color=COLOUR["ink"], lw=0.8)
     axes[0].set_title("high-gap networks", loc="left")
     axes[0].set_title("low-gap networks", loc="right")
-    fig.legend(*axes[0].get_legend_handles_labels(), ncols=5, fontsize=7.5, loc="outside lower center")
+    fig.legend(
+        *axes[0].get_legend_handles_labels(),
+        ncols=5,
+        fontsize=7.5,
+        markerscale=0.6,
+        loc="outside lower center",
+    )
     return fig
 
 
