@@ -1,4 +1,4 @@
-"""Cameras and ports as files: a dataclass's fields in JSON, or a calibration of another program.
+"""Cameras and ports as files: a dataclass's fields in JSON.
 
 Both read everything with one error, `InputError`, that names the file, the problem and the remedy.  A file is
 parsed only if it is short and flat, and each value is checked for its type and its range before it is used.
@@ -9,16 +9,18 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from contextlib import suppress
 from dataclasses import MISSING, fields
 from pathlib import Path
 
-from . import calibrations
+from . import plugins
 from .documents import check_fields, read_json
 from .errors import InputError
 from .files import read_text, write_text
 from .types import Camera, Port
 from .types.port import OFFSET_M, SYMMETRY, TOLERANCE, TOLERANCES, WINDOW_M
 
+NAMES = "fx_px", "fy_px", "cx_px", "cy_px"
 MAX_BYTES = 2**20  # of a calibration; Kalibr's longest have some kilobytes
 
 SIZE_PX = (int, 1, 32_767)  # an event's coordinates have 16 bits
@@ -42,7 +44,7 @@ PORT = {
 
 
 def read_camera(path, size_px=None, topics=()) -> Camera:
-    """A camera from our JSON or from another program's calibration, as `calibrations` knows them.
+    """A camera from our JSON or, by readers of other programs' formats, from one of their calibrations.
 
     Of several cameras in a file it is the one that ``FILE:NAME`` names, or that has the size and topic of a
     recording; a warning says so where that leaves a choice.
@@ -51,30 +53,33 @@ def read_camera(path, size_px=None, topics=()) -> Camera:
     expected = "expected our JSON, or a calibration of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP"
 
     def parse(text: str) -> dict:
-        document = calibrations.read_document(text, path.suffix)
-        if calibrations.is_ours(document, path.suffix):
-            return document
-        cameras = calibrations.cameras_in(document)
-        if wanted and wanted not in cameras:
-            raise ValueError(f"no camera {wanted:.30} among {', '.join(cameras):.100}")
-        name, others = (wanted, []) if wanted else calibrations.choose(cameras, size_px, topics)
-        values = calibrations.camera_fields(cameras[name], size_px)
-        if part := calibrations.region(cameras[name], size_px):
-            warnings.warn(f"{path}: {calibrations.region_text(*part)}", stacklevel=6)
-        if others:
-            other = f"not {', '.join(others):.100}; name another, as --camera {path.name}:{others[0]:.30}"
-            warnings.warn(f"{path}: taking {name:.30}, {other}", stacklevel=6)
-        return values
+        if path.suffix == ".json" or text.lstrip()[:1] == "{":
+            with suppress(ValueError):
+                values = read_json(text)
+                if isinstance(values, dict) and "fx_px" in values:
+                    return values
+        foreign = plugins.reader("calibration")
+        return foreign(text, path, wanted, size_px, topics) if foreign else read_json(text)
 
     camera = _read(path, Camera, CAMERA, "camera calibration", expected, parse)
-    if reason := calibrations.odd(vars(camera)):
+    if reason := odd(camera):
         warnings.warn(f"{path}: {reason}; check the calibration", stacklevel=5)
     return camera
 
 
-def camera_of(camera: dict, size_px=None) -> Camera:
+def camera_of(values: dict) -> Camera:
     """The camera that a recording holds, checked as that of a file; raises ValueError."""
-    return _checked(calibrations.camera_fields(camera, size_px), Camera, CAMERA)
+    return _checked(values, Camera, CAMERA)
+
+
+def odd(camera: Camera) -> str | None:
+    """What hardly any camera has, in words: a centre far from the image's, its lens, oblong pixels."""
+    width, height, fx, fy, cx, cy = (getattr(camera, n) for n in ("width_px", "height_px", *NAMES))
+    if abs(cx - (width - 1) / 2) > width / 5 or abs(cy - (height - 1) / 2) > height / 5:
+        return f"its centre ({cx:g}, {cy:g}) is far from the middle of {width} x {height} px"
+    if not 0.2 < fx / width < 50:
+        return f"its focal length is {fx:g} px for {width} px"
+    return None if 0.8 < fx / fy < 1.25 else f"its focal lengths differ, {fx:g} and {fy:g} px"
 
 
 def split_name(path) -> tuple[Path, str]:

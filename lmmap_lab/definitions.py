@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from lmmap.shipped import ROOT
 
-HOUSES = ("lmmap", "lmmap_lab")
+HOUSES = ("lmmap", "lmmap_readers", "lmmap_lab")
 
 
 class Unit(NamedTuple):

@@ -131,7 +131,7 @@ def describe_figures(app, doctree) -> None:
 def source_line(names: set[str]) -> nodes.paragraph:
     """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
     line = nodes.paragraph(classes=["made-of"])
-    ours = sorted(name for name in names if name.startswith(("lmmap.", "lmmap_lab.")))
+    ours = sorted(name for name in names if name.startswith(("lmmap.", "lmmap_readers.", "lmmap_lab.")))
     for word, group in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
         for name in group:
             line += nodes.Text(word)
@@ -157,12 +157,12 @@ def link_binder(app, doctree) -> None:
 def list_modules(app, docname, source) -> None:
     """Where a page says ``% modules``, document the wing that the page is named after.
 
-    The pages ``api`` and ``api/lab`` document the modules outside the wings of a package, and link to the
-    pages of the wings, which are in a folder of the same name.
+    The pages ``api``, ``api/readers`` and ``api/lab`` document the modules outside the wings of a package,
+    and link to the pages of the wings, which are in a folder of the same name.
     """
     if "\n% modules\n" in source[0]:
         page = Path(docname).relative_to("book")
-        overviews = {Path("api"): "lmmap", Path("api/lab"): "lmmap_lab"}
+        overviews = {Path("api"): "lmmap", Path("api/lab"): "lmmap_lab", Path("api/readers"): "lmmap_readers"}
         text = (
             _package(overviews[page], page.name)
             if page in overviews
@@ -177,7 +177,7 @@ def _package(package: str, folder: str) -> str:
     names = [name for layer in layers for name in re.findall(r"\w+", layer)]  # lowest first
     wings = [f"- {{doc}}`{folder}/{name}`" for name in names if (ROOT / package / name).is_dir()]
     modules = [_module(package, name) for name in names if not (ROOT / package / name).is_dir()]
-    return "\n".join(["## Wings, lowest first", "", *wings, "", *modules])
+    return "\n".join([*(["## Wings, lowest first", "", *wings] if wings else []), "", *modules])
 
 
 def _wing(package: str, name: str) -> str:

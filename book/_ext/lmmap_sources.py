@@ -80,7 +80,9 @@ def _named(statement, imported: dict) -> set[str]:
 
 def _function(value) -> set[str]:
     """The full name of a function of our packages, unless it only names files or sets styles."""
-    ours = inspect.isfunction(value) and value.__module__.startswith(("lmmap.", "lmmap_lab."))
+    ours = inspect.isfunction(value) and value.__module__.startswith(
+        ("lmmap.", "lmmap_readers.", "lmmap_lab.")
+    )
     ours = (
         ours
         and value.__module__ != "lmmap_lab.provenance"

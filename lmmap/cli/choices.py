@@ -12,6 +12,7 @@ DOMAIN_GAPS = ("high", "low", "robust", "light")
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
 TIME_UNITS = ("s", "ms", "us", "ns")
 FLIPS = tuple(camera + flip for camera in ("", "rgb:", "event:") for flip in ("x", "y", "180"))
+POSE_BAGS = (".bag", ".mcap")
 SHELLS = ("bash", "zsh", "tcsh")
 
 

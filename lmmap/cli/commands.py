@@ -6,7 +6,7 @@ import argparse
 from itertools import groupby
 from pathlib import Path
 
-from . import plugins
+from .. import plugins
 from .choices import TIME_UNITS
 
 OWN, OTHERS = "commands", "commands of the laboratory behind the book"
@@ -117,7 +117,7 @@ class Commands:
                 plugins.call(name, add, self)
             except plugins.NotInstalled as reason:
                 text, anything = f"needs {plugins.INSTALL}", {"prefix_chars": "\0", "add_help": False}
-                command = self.add(name, "lmmap.cli.plugins:refuse", text, **anything)
+                command = self.add(name, "lmmap.plugins:refuse", text, **anything)
                 command.add_argument("anything", nargs="*")  # options, too, since none has their prefix
                 command.set_defaults(reason=reason)
 

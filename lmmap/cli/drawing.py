@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+from .. import plugins
 from ..drawing.overlay import Overlay
-from ..drawing.rerun_log import RerunLog
 from ..estimation.images import timed_images
 from ..files import check_output
 from ..pipeline.image_estimator import settings_for
@@ -32,7 +32,7 @@ def draw(a) -> None:
                     video.add(images[t_us], estimates[t_us])
                     bar.add(estimates[t_us])
     except KeyboardInterrupt:
-        if isinstance(view, RerunLog):
+        if not isinstance(view, Overlay):
             raise
         raise KeyboardInterrupt(f"{view.video.folder} keeps what was drawn, --resume goes on") from None
     if not bar.images:
@@ -43,13 +43,13 @@ def draw(a) -> None:
     print(f"{a.output}: {bar.images} images, {bar.poses} with a pose")
 
 
-def _view(a, camera: Camera) -> Overlay | RerunLog:
+def _view(a, camera: Camera):
     """What the estimates are drawn on, by the name of the output."""
     port = find_port(a)
     if a.output.suffix.lower() == ".rrd":
         if a.resume:
             raise InputError(f"{a.output}: a file for Rerun cannot be resumed; leave --resume out")
-        return RerunLog(a.output, port, camera)
+        return plugins.needed("rerun", a.output)(a.output, port, camera)
     made_of = {
         "recording": recording_mark(a.recording), "poses": recording_mark(a.poses), "fps": a.fps,
         "modality": a.modality, "rate": a.rate, "events": a.events,

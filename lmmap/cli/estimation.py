@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import plugins
 from ..drawing.overlay import Overlay
-from ..drawing.rerun_log import RerunLog
 from ..estimation.estimates import estimate_images, merge_by_time
 from ..estimation.images import timed_images
 from ..estimation.tracks import track_between, track_images
@@ -28,7 +28,6 @@ from ..tracking.discord import in_accord
 from ..tracking.fusion import fuse
 from ..tracking.tracker import Tracker
 from ..types import Estimate, InputError, Status
-from . import plugins
 from .inputs import (
     as_read,
     can_be_fused,
@@ -120,7 +119,8 @@ def _check(a) -> None:
 
 def _views(a) -> dict[type, Path]:
     """The drawings that are asked for, by what makes them."""
-    return {view: path for view, path in ((Overlay, a.video), (RerunLog, a.rerun)) if path}
+    rerun = plugins.needed("rerun", "--rerun") if a.rerun else None
+    return {view: path for view, path in ((Overlay, a.video), (rerun, a.rerun)) if path}
 
 
 def _part(a, modality: str) -> Path:

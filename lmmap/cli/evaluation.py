@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from .. import plugins
 from ..estimation.estimates import estimate, merge_by_time
 from ..evaluation import cells, error_table, truth_form
 from ..recordings.pose_files import read_truth
@@ -18,7 +19,6 @@ from ..recordings.stream import Stream
 from ..settings import MODALITIES
 from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port, Trajectory
-from . import plugins
 from .inputs import can_be_fused, make_estimator, open_input
 from .progress import Bar
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
+from .. import plugins
 from ..pipeline.rescale import is_short, trained_range_m
-from ..recordings import sensors
 from ..recordings.formats import format_name
 from ..recordings.health import health
 from ..recordings.rig import find_rig
@@ -31,7 +31,8 @@ def info(a) -> None:
     facts = {"format": format_name(a.recording), "sensor": None} | stream.source.details() | health(stream)
     if not facts["events"] and not facts["frames"]:
         raise InputError(f"{a.recording}: holds neither events nor frames; record again")
-    facts["sensor"] = sensors.of_size((facts["width_px"], facts["height_px"])) or None
+    if of_size := plugins.reader("sensors"):
+        facts["sensor"] = of_size((facts["width_px"], facts["height_px"])) or None
     if facts["frames"]:
         facts.setdefault("exposure_ms", None)
     rig = find_rig(a.recording)

@@ -6,19 +6,18 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+from .. import plugins
 from ..camera_files import split_name
 from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
-from ..recordings.clocks import doubt, spans
 from ..recordings.formats import open_stream
-from ..recordings.pose_bags import STORES, PoseBag
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
 from ..tracking.fusion import LEAST_HZ
 from ..types import Camera, InputError, Port
-from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS
+from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS, POSE_BAGS
 
 
 def open_input(a, **options) -> Stream:
@@ -63,13 +62,13 @@ def input_files(a) -> list[Path]:
     return [path for path in (recording, *sidecars, *named) if path]
 
 
-def pose_bag(a) -> PoseBag | None:
+def pose_bag(a):
     """The bag that the output's name asks for; None where it asks for a table."""
     named = {
         name: getattr(a, name) for name in ("frame_id", "child_frame_id") if getattr(a, name) is not None
     }
-    if a.output.suffix.lower() in STORES:
-        return PoseBag(a.output, **named)
+    if a.output.suffix.lower() in POSE_BAGS:
+        return plugins.needed("poses", a.output)(a.output, **named)
     if named:
         raise InputError(f"{a.output}: frames have names in bags only; name it .bag or .mcap")
     return None
@@ -81,9 +80,10 @@ def network_set(a) -> str:
 
 
 def can_be_fused(stream: Stream, needed: bool) -> bool:
-    """Whether frames and events overlap; a warning where they seem to have different clocks, or, if fusion is
-    ``needed``, `InputError` where they do not overlap."""
-    reason, apart = doubt(*spans(stream))
+    """Whether frames and events overlap, as far as readers tell that are installed; a warning where they seem
+    to have different clocks, or, if fusion is ``needed``, `InputError` where they do not overlap."""
+    doubt = plugins.reader("one_clock")
+    reason, apart = doubt(stream) if doubt else ("", False)
     text = f"{stream.source.path}: {reason}"
     if apart and needed:
         raise InputError(f"{text}, so their clocks differ; give --modality rgb or event")
@@ -130,8 +130,9 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
     path, count = stream.source.path, settings.events_per_window
     if modality == "rgb":
         return InputError(f"{path}: holds no frames; try --modality event")
-    events, _ = spans(stream) if rate_hz else (None, None)
-    if events and events.count >= count:
-        text = f"lasts {events.seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"
+    runs = [(len(e), e["t_us"][[0, -1]]) for e in stream.chunks()] if rate_hz else []
+    if sum(n for n, _ in runs) >= count:
+        seconds = (runs[-1][1][1] - runs[0][1][0]) * 1e-6
+        text = f"lasts {seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"
         return InputError(f"{path}: {text}; give a higher one, or none")
     return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

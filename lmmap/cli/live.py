@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import plugins
 from ..estimation.images import newest_images
 from ..files import check_output
 from ..recordings import devices
+from ..recordings.formats import load_camera
 from ..recordings.journal import Journal
-from ..recordings.sensors import assumed, load_camera
 from ..recordings.stream import Stream
-from ..recordings.webcam import Webcam
+from ..recordings.webcam import Webcam, assumed
 from ..tracking.tracker import Tracker
 from ..types import Camera, Estimate, InputError, Pose
-from . import plugins
 from .inputs import (
     check_between,
     flips_of,

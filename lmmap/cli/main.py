@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 
 from ..allocator import tune_allocator
 from ..files import InputError
+from ..plugins import call
 from .arguments import parser
-from .plugins import call
 
 MAX_LETTERS = 2000  # of a message; ours have some hundred, beside the path
 

@@ -17,12 +17,12 @@ from ..types import InputError
 from .depth import eight_bit
 from .encodings import Unread, pixels
 from .images import decode
-from .packets import TYPES, Packets
 from .stream import Source, in_chunks, nothing
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 EVENTS = ("/EventArray", "/EventPacket")  # ends of the types of event messages
+PACKETS = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")  # of packed events
 
 
 class Dialect(NamedTuple):
@@ -31,12 +31,14 @@ class Dialect(NamedTuple):
     ``open(path)`` gives a block its reader, and what damaged bytes raise there is an `InputError`.
     ``array`` makes of ``(reader, connection, bytes)`` of an event array ``((width, height), events)``, and
     ``deserialize`` makes a message of any.  ``stamp`` gives seconds and nanoseconds of a message's header.
+    ``packets()`` makes a function of `PACKETS` and their headers' times (us) to events, for one pass.
     """
 
     open: Callable[[Path], AbstractContextManager]
     array: Callable
     deserialize: Callable
     stamp: Callable[[bytes], tuple[int, int]]
+    packets: Callable[[], Callable] | None = None
 
     def time_us(self, raw: bytes) -> int:
         """A message's time, rounded to microseconds."""
@@ -46,10 +48,10 @@ class Dialect(NamedTuple):
     def decoder(self) -> Callable:
         """A function, for one pass over messages in their order, from ``(reader, connection, bytes, header's
         time)`` to ``((width, height), events)``."""
-        packets = Packets()
+        packets = self.packets and self.packets()
 
         def decode_events(bag, connection, raw: bytes, header_us: int):
-            if connection.msgtype not in TYPES:
+            if connection.msgtype not in PACKETS:
                 return self.array(bag, connection, raw)
             message = self.deserialize(bag, connection, raw)
             return (message.width, message.height), packets(message, header_us)
@@ -82,9 +84,12 @@ class Topic(NamedTuple):
             yield connection, raw, recorded_ns // 1000 if self.no_stamps else dialect.time_us(raw)
 
 
-def read(path: Path, dialect: Dialect) -> Source:
-    """A topic of events and one of images; raises `InputError`."""
+def read(path: Path, dialect: Dialect) -> Source | None:
+    """A topic of events and one of images, or None of a bag with `PACKETS`, if its dialect has none; raises
+    `InputError`."""
     with dialect.open(path) as bag:
+        if not dialect.packets and any(c.msgtype in PACKETS for c in bag.connections):
+            return None
         if not any(_kind(c.msgtype) for c in bag.connections):
             raise ValueError(f"no EventArray, EventPacket or image in {len(bag.topics)} topics")
         unread: list[str] = []
@@ -109,7 +114,7 @@ def read(path: Path, dialect: Dialect) -> Source:
 
 
 def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
-    """What the topics of sensor_msgs/CameraInfo say first, as `lmmap.calibrations` reads it, the cameras that
+    """What the topics of sensor_msgs/CameraInfo say first, as `Source.cameras` has it, the cameras that
     are not calibrated last.  Of images that are ``rectified`` it is the projection, without distortion."""
     cameras = {}
     with dialect.open(path) as bag:
@@ -176,7 +181,7 @@ def _look(bag, dialect: Dialect, name: str, first: list[tuple]) -> Topic:
         image = dialect.image(bag, connection, raw)
         return Topic(name, image.shape[1::-1], image.dtype, no_stamps, False)
     size_px, events = dialect.decoder()(bag, connection, raw, 0)
-    is_array, recorded_us = connection.msgtype not in TYPES, recorded_ns // 1000
+    is_array, recorded_us = connection.msgtype not in PACKETS, recorded_ns // 1000
     stamp_us = recorded_us if no_stamps else dialect.time_us(raw)
     no_times = bool(is_array and stamp_us and len(events) and not events["t_us"].any())
     return Topic(name, size_px, events.dtype, no_stamps, no_times)

@@ -1,6 +1,6 @@
-"""Files to recordings.
+"""Files to recordings: those of the paper's laboratory here, others by readers that `plugins` finds.
 
-``open_recording`` turns a foreign file into a checked `Recording`; nothing behind it has to ask again
+``open_recording`` turns a file into a checked `Recording`; nothing behind it has to ask again
 whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
 ``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
 A folder of bags may share one ``camera.json``.
@@ -12,21 +12,21 @@ import os
 import warnings
 from pathlib import Path
 
-from .. import calibrations
-from ..camera_files import camera_of
+from .. import plugins
 from ..files import CAMERA, beside, regular_file
 from ..types import Camera, InputError, Recording, checked
-from . import aedat4, event_stream, hdf5, images, prophesee, rosbag, rosbag2, sensors, tables
-from .bounded_bag2 import METADATA
+from . import aedat4, hdf5, images, rosbag
 from .limits import check_times
 from .pose_files import read_truth
 from .stream import Source, Stream, input_errors
 from .units import UNITS
 
+METADATA = "metadata.yaml"  # what tells a ROS 2 bag's folder from another
+
 
 @checked
 def open_recording(path: str | Path, camera: Camera | str | Path | None = None, **options) -> Recording:
-    """Read any of `FORMATS` into memory, with the camera and truth beside it; raises `InputError`.
+    """Read any of `formats` into memory, with the camera and truth beside it; raises `InputError`.
 
     ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
     ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a recording of
@@ -60,8 +60,8 @@ def open_stream(
     kind = _kind(path)
     if kind == "folder":
         _check_folder(path)
-    if kind not in READERS:
-        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(READERS)}")
+    if kind not in READERS and not plugins.reader(kind):
+        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(suffixes())}")
     options = {name: value for name, value in named.items() if value is not None}
     for name, value in options.items():
         if kind not in OPTIONS[name][0]:
@@ -69,7 +69,10 @@ def open_stream(
             raise InputError(f"{path}: {flag} is for {OPTIONS[name][1]}; leave it out")
     if {"fps", "time_unit"} <= options.keys():
         raise InputError(f"{path}: --fps makes the times, so they have no --time-unit; leave one out")
-    source = (images.read_numbered if "fps" in options else READERS[kind])(path, **options)
+    read = images.read_numbered if "fps" in options else READERS.get(kind)
+    source = read and read(path, **options)
+    if source is None:  # of another layout than ours
+        source = plugins.needed(kind, path)(path, **options)
     if source.span_us:
         with input_errors(path, "damaged", "copy it again"):
             for t_us in source.span_us:
@@ -87,20 +90,42 @@ def open_stream(
 
 def _check_folder(path: Path) -> None:
     """`InputError` for a folder of recordings, but no pictures."""
-    names = sorted(p.name for p in path.iterdir() if p.suffix.lower() in READERS)
-    others = [n for n in names if Path(n).suffix.lower() not in (*images.IMAGE_SUFFIXES, ".txt", ".csv")]
-    if others and len(others) == len(names):
-        remedy = f"name one of them, such as {path / others[0]}"
-        if others[0].endswith((".db3", ".mcap")):
-            remedy = (
-                f"if it is a ROS 2 bag, its {METADATA} is missing: run ros2 bag reindex {path}, or {remedy}"
-            )
-        raise InputError(f"{path}: a folder of {len(others)} recordings, not of images; {remedy}")
+    names = sorted(p.name for p in path.iterdir())
+    pictures = (*images.IMAGE_SUFFIXES, ".txt", ".csv")
+    if any(name.lower().endswith(pictures) for name in names):
+        return
+    if recordings := [name for name in names if Path(name).suffix.lower() in suffixes()]:
+        remedy = f"name one of them, such as {path / recordings[0]}"
+        if recordings[0].endswith((".db3", ".mcap")):
+            missing = f"if it is a ROS 2 bag, its {METADATA} is missing"
+            remedy = f"{missing}: run ros2 bag reindex {path}, or {remedy}"
+        raise InputError(f"{path}: a folder of {len(recordings)} recordings, not of images; {remedy}")
+
+
+def suffixes() -> list[str]:
+    """How names of recordings end that can be read; "folder" is one of pictures."""
+    found = plugins.entry_points(plugins.READERS)
+    return [*READERS, *(name for name in found if name[0] == "." and name not in READERS)]
+
+
+def formats() -> dict[str, tuple[str, ...]]:
+    """How names end, by what the format is."""
+    what = {suffix: text for text, ends, _ in FORMATS for suffix in ends}
+    others = [suffix for suffix in reversed(suffixes()) if suffix not in what]
+    what |= {suffix: plugins.reader(suffix).what for suffix in others}
+    return {text: tuple(s for s in what if what[s] == text) for text in dict.fromkeys(what.values())}
 
 
 def format_name(path) -> str:
-    """What `FORMATS` calls the format of a file or a folder that can be read."""
-    return next(what for what, suffixes, _ in FORMATS if _kind(Path(path)) in suffixes)
+    """What `formats` calls the format of a file or a folder that can be read."""
+    return next(what for what, ends in formats().items() if _kind(Path(path)) in ends)
+
+
+def load_camera(text, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
+    """The camera of a calibration file, of several that of a recording's size and topics, or the nominal one
+    that a text such as ``evk4:8mm`` asks for; raises `InputError`."""
+    nominal = None if Path(str(text)).exists() else plugins.reader("lens")
+    return (nominal and nominal(str(text))) or Camera.load(text, size_px, topics)
 
 
 def _kind(path: Path) -> str:
@@ -114,8 +139,8 @@ def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
     own, size_px, doubt = path.with_suffix(".camera.json"), source.size_px, ""
     if camera is None:
         camera = own if os.path.exists(own) else beside(path, CAMERA) if path.suffix == ".bag" else None
-    if camera is None:
-        camera, doubt = _camera_inside(source)
+    if camera is None and (cameras := source.cameras()) and (choose := plugins.reader("cameras")):
+        camera, doubt = choose(source, cameras)
     if camera is None and size_px == Camera.davis346().size_px:
         text = f"{path}: {doubt or 'no calibration given'}; taking the nominal DAVIS 346"
         warnings.warn(text, stacklevel=4)
@@ -126,11 +151,11 @@ def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
         return None
     if camera is None:
         size = f"{size_px[0]} x {size_px[1]} px" if size_px else "a file that does not state its size"
-        if size_px and (cameras := sensors.of_size(size_px)):
+        if size_px and (of_size := plugins.reader("sensors")) and (cameras := of_size(size_px)):
             size += f" (as of {cameras})"
         raise InputError(f"{path}: {doubt or f'no calibration for {size}'}; give one with --camera")
     name = "camera" if isinstance(camera, Camera) else camera
-    camera = camera if isinstance(camera, Camera) else sensors.load_camera(camera, size_px, source.topics)
+    camera = camera if isinstance(camera, Camera) else load_camera(camera, size_px, source.topics)
     if size_px is not None and camera.size_px != size_px:
         deg = source.details().get(images.TURNED)
         turned = f", turned by {deg} degrees as its metadata ask" if deg else ""
@@ -141,42 +166,10 @@ def _camera(path: Path, source: Source, camera, needed: bool) -> Camera | None:
     return camera
 
 
-def _camera_inside(source: Source) -> tuple[Camera | None, str]:
-    """The camera that a recording itself describes, with a warning that says which; or why it is not used."""
-    if not (cameras := source.cameras()):
-        return None, ""
-    size_px = source.size_px
-    try:
-        name, others = calibrations.choose(cameras, size_px, source.topics)
-    except ValueError as error:
-        return None, f"its own calibrations are not used ({error})"
-    try:
-        camera = camera_of(cameras[name], size_px)
-        if size_px not in (None, camera.size_px):
-            raise ValueError(
-                f"it is for {camera.width_px} x {camera.height_px} px, not {size_px[0]} x {size_px[1]}"
-            )
-    except ValueError as error:
-        return None, f"its own calibration {name} is not used ({error})"
-    part = calibrations.region(cameras[name], size_px)
-    notes = [calibrations.region_text(*part)] if part else []
-    notes += [f"not {', '.join(others)}"] if others else []
-    odd = f"; {reason}, check it" if (reason := calibrations.odd(vars(camera))) else ""
-    warnings.warn(f"{source.path}: taking its own calibration {', '.join([name, *notes])}{odd}", stacklevel=5)
-    return camera, ""
-
-
 FORMATS = (  # what it is, how its name ends, its reader
     ("AEDAT4 of iniVation's DV", (".aedat4", ".aedat"), aedat4.read),
     ("ROS 1 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".bag",), rosbag.read),
-    ("ROS 2 bag, a folder or a file: the same", (".mcap", ".db3"), rosbag2.read),
-    ("Prophesee RAW: EVT2, EVT2.1, EVT3", (".raw",), prophesee.read_raw),
-    ("Prophesee DAT", (".dat",), prophesee.read_dat),
     ("HDF5 in the layouts of DSEC (ours too), M3ED, MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
-    ("Event Stream of a DVS", (".es",), event_stream.read),
-    ("events as text, t x y p", (".txt",), tables.read_text),
-    ("events as a table with named columns", (".csv",), tables.read_csv),
-    ("events as a structured array of numpy", (".npy",), tables.read_npy),
     ("images with timestamps.txt or images.txt", ("folder",), images.read_folder),
     ("one picture", images.IMAGE_SUFFIXES, images.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),

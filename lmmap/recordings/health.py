@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from .. import plugins
 from ..settings import scaled_count
 from ..types import InputError, Recording, on_sensor
-from . import clocks
 from .stream import Stream
 
 MAX_SENSOR_PIXELS = 2**23  # where no calibration says the size; the largest event cameras have 0.9 million
@@ -38,10 +38,8 @@ def health(recording: Recording | Stream) -> dict:
         count += np.bincount(good["y"].astype(np.intp) * width + good["x"], minlength=len(count))
     frames_t_us = np.array([t_us for t_us, _ in recording.timed_frames()], np.int64)
     both = (
-        clocks.Span(int(low_us), int(high_us), events) if events else None,
-        clocks.Span(int(frames_t_us.min()), int(frames_t_us.max()), len(frames_t_us))
-        if len(frames_t_us)
-        else None,
+        (int(low_us), int(high_us), events) if events else None,
+        (int(frames_t_us.min()), int(frames_t_us.max()), len(frames_t_us)) if len(frames_t_us) else None,
     )
     if not events and len(frames_t_us):
         low_us, high_us = frames_t_us.min(), frames_t_us.max()
@@ -49,7 +47,7 @@ def health(recording: Recording | Stream) -> dict:
     window = scaled_count((width, height))
     return {
         "events": events, "frames": len(frames_t_us), "width_px": width, "height_px": height,
-        "duration_s": duration_s, **clocks.facts(*both),
+        "duration_s": duration_s, **(clocks(*both) if (clocks := plugins.reader("clocks")) else {}),
         "event_rate_hz": events / duration_s if duration_s else 0.0,
         "frame_rate_hz": _rate_hz(frames_t_us), "on_fraction": on / events if events else 0.0,
         "largest_gap_ms": float(largest_us) * 1e-3, "gaps_over_10_ms": int(gaps),

@@ -16,13 +16,12 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from .. import files
+from .. import files, plugins
 from ..files import regular_file
 from ..types import InputError
 from .depth import eight_bit
 from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
 from .stream import Source, reader
-from .tables import read_text
 from .units import GuessedSteps, microseconds
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".jpe", ".bmp", ".dib", ".tif", ".tiff", ".webp", ".jp2", ".avif",
@@ -52,7 +51,7 @@ def read_folder(path: Path, time_unit: str | None = None) -> Source:
 
 
 def _events_beside(path: Path, time_unit: str | None):
-    return read_text(path, time_unit).events()
+    return plugins.needed(".txt", path)(path, time_unit).events()
 
 
 picture = reader("cannot read this picture", "give PNG or JPEG files", (cv2.error,))

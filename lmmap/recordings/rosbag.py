@@ -12,19 +12,17 @@ import cv2
 import numpy as np
 from rosbags.rosbag1 import ReaderError
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from ..files import regular_file
 from ..types import event_array
-from . import bags, packets
+from . import bags
 from .bounded_bag import BoundedReader
 from .stream import input_errors
 
 ERRORS = (ReaderError, SerdeError, TypesysError, AssertionError, LookupError, RuntimeError, cv2.error)
 MAGIC = b"#ROSBAG V2.0\n"
 STORE = get_typestore(Stores.ROS1_NOETIC)
-for _name in packets.TYPES:
-    STORE.register(get_types_from_msg(packets.DEFINITION, _name))
 EVENT_MSG = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 ARRAY_MSG = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
 PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), ("ns", "<u4")]}

@@ -19,7 +19,7 @@ from ..types import Camera, InputError, Recording, Trajectory, concatenate_event
 from .flips import flip_events, flip_frame
 from .limits import check_times
 from .order import in_order
-from .units import Guessed
+from .units import GuessedSteps
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
 
@@ -35,7 +35,7 @@ class Source:
     ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
     None where the file does not say.  Both iterators raise `InputError` for what cannot be read.
     ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``.
-    ``cameras()`` are its own calibrations, for `lmmap.calibrations`; ``topics`` name its streams; ``guessed``
+    ``cameras()`` are its own calibrations by name, as it has them; ``topics`` name its streams; ``guessed``
     are times whose unit it does not state."""
 
     path: Path
@@ -46,7 +46,7 @@ class Source:
     details: Callable[[], dict] = dict
     cameras: Callable[[], dict[str, dict]] = dict
     topics: tuple[str, ...] = ()
-    guessed: Guessed | None = None
+    guessed: GuessedSteps | None = None  # or what has the same face
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,9 @@ def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Excep
 
 
 def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
-    """Decorate a function from a path to a `Source`: `input_errors` of what damaged bytes raise in it, and
-    later in the source's events, frames and details."""
+    """Decorate a function from a path to a `Source`, or to None for what another reader knows.
+
+    `input_errors` of what damaged bytes raise in it, and later in the source's events, frames and details."""
 
     def decorate(read: Callable[..., Source]) -> Callable[..., Source]:
         @wraps(read)
@@ -137,6 +138,8 @@ def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
                     yield from function()
 
             source = value(partial(read, path, *options, **named))
+            if source is None:
+                return None
             streams = {name: partial(values, getattr(source, name)) for name in ("events", "frames")}
             others = {name: partial(value, getattr(source, name)) for name in ("details", "cameras")}
             return replace(source, **streams, **others)

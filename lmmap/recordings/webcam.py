@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
 
-from ..types import InputError
+from ..types import Camera, InputError
 from .flips import flip_frame
 
+ASSUMED_VIEW_DEG = 60.0  # across the longer side of the image, as many webcams have
 FIRST_IMAGE_S, SILENCE_S = 10.0, 60.0  # patience with a camera that sends nothing
 
 
@@ -78,3 +81,14 @@ def _why_not(name: str) -> str:
         return "cannot open this camera; close other programs that use it, or join the group 'video'"
     here = ", ".join(sorted(map(str, Path("/dev").glob("video*")))) or "no camera at all"
     return f"no such camera, there is {here}; attach one, or name a video"
+
+
+def assumed(size_px: tuple[int, int], name) -> Camera:
+    """A camera of which nothing but the images' size is known, and a warning of what that means."""
+    width, height = size_px
+    f_px = max(size_px) / 2 / math.tan(math.radians(ASSUMED_VIEW_DEG / 2))
+    view = f"{ASSUMED_VIEW_DEG:.0f} degrees of horizontal view, f = {f_px:.0f} px"
+    warnings.warn(f"{name}: no calibration; assuming {view}: distances are off by as "
+                  "many percent as f, angles by less; 'lmmap calibrate CLIP --focal' measures f, and "
+                  "--camera gives it", stacklevel=3)  # fmt: skip
+    return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)

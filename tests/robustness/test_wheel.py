@@ -9,10 +9,12 @@ import sysconfig
 from importlib import metadata
 from pathlib import Path
 
+import cv2
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from lmmap import open_recording
 from lmmap.shipped import DATA, ROOT
 
 FIVE_LINES = """
@@ -50,8 +52,8 @@ def site(tmp_path_factory):
 
 def _copy(target: Path) -> Path:
     """The tracked files that a wheel is made of; a build writes beside its sources."""
-    made_of = ["lmmap", "lmmap_lab", "data/weights", "data/paper", "data/photometry.json", "pyproject.toml",
-               "README.md", "LICENSE"]  # fmt: skip
+    made_of = ["lmmap", "lmmap_readers", "lmmap_lab", "data/weights", "data/paper", "data/photometry.json",
+               "pyproject.toml", "README.md", "LICENSE"]  # fmt: skip
     listed = subprocess.run(
         ["git", "-C", ROOT, "ls-files", *made_of], check=True, capture_output=True, text=True
     )
@@ -93,10 +95,12 @@ def test_five_lines_give_a_pose(site, tmp_path):
     assert 0.3 < float(printed[-1]) < 1.5
 
 
-@pytest.mark.parametrize("house", ["lmmap", "lmmap_lab"])
-def test_every_module_is_in_the_wheel(site, house):
+@pytest.mark.parametrize("house, least", [("lmmap", 50), ("lmmap_readers", 10), ("lmmap_lab", 50)])
+def test_every_module_is_in_the_wheel(site, house, least):
     modules = {path.relative_to(ROOT) for path in (ROOT / house).rglob("*.py")}
-    assert len(modules) > 50 and modules == {path.relative_to(site) for path in (site / house).rglob("*.py")}
+    assert len(modules) > least and modules == {
+        path.relative_to(site) for path in (site / house).rglob("*.py")
+    }
 
 
 def test_the_two_packages_share_one_folder_of_data(site):
@@ -148,10 +152,8 @@ def thin(site, tmp_path_factory):
     folder = tmp_path_factory.mktemp("thin") / "site"
     shutil.copytree(site, folder, ignore=shutil.ignore_patterns("lmmap_lab"))
     needed = {"lmmap"} | _closure(metadata.PathDistribution(next(folder.glob("lmmap-*.dist-info"))).requires)
-    owners = metadata.packages_distributions().items()
-    refused = {name for name, owned in owners if needed.isdisjoint(map(canonicalize_name, owned))}
+    refused = _refuse_others(folder, needed)
     assert {"joblib", "matplotlib", "IPython"} <= refused and not {"numpy", "torch", "pandas"} & refused
-    (folder / "sitecustomize.py").write_text(NO_OTHERS.format(names=refused))
     return folder
 
 
@@ -175,6 +177,41 @@ def test_the_thin_part_alone_gives_a_pose(thin, tmp_path):
     done = lmmap(thin, tmp_path, "estimate", mini, "--modality", "rgb", "--rate", "5", "-o", "poses.csv")
     assert done.returncode == 0 and not done.stderr and " ok" in done.stdout
     assert (tmp_path / "poses.csv").read_text().count(",ok,") > 3
+
+
+OF_A_POSE = [
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-python-headless",
+    "scikit-image",
+    "torch",
+    "safetensors",
+    "pillow",
+]
+POSE = """
+import sys, cv2, lmmap
+image = cv2.imread({path!r})[..., ::-1]
+estimator = lmmap.Estimator(lmmap.Camera.davis346(), modality="rgb")
+print(estimator(image, 0).status, "lmmap_readers" in sys.modules)
+"""
+
+
+def test_the_pose_of_an_image_needs_eight_packages(site, tmp_path):
+    """And the readers beside lmmap are not asked."""
+    folder, picture = tmp_path / "site", tmp_path / "p.png"
+    shutil.copytree(site, folder, ignore=shutil.ignore_patterns("lmmap_lab"))
+    _refuse_others(folder, {"lmmap"} | _closure(OF_A_POSE))
+    cv2.imwrite(str(picture), open_recording(DATA / "mini" / "test-low.aedat4").frames[0][..., ::-1])
+    assert python(folder, tmp_path, POSE.format(path=str(picture))).split() == ["ok", "False"]
+
+
+def _refuse_others(folder: Path, needed: set[str]) -> set[str]:
+    """Make packages other than those needed look as if they were not installed; their modules' names."""
+    owners = metadata.packages_distributions().items()
+    refused = {name for name, owned in owners if needed.isdisjoint(map(canonicalize_name, owned))}
+    (folder / "sitecustomize.py").write_text(NO_OTHERS.format(names=refused))
+    return refused
 
 
 def test_without_the_laboratory_its_commands_say_what_to_install(thin, site, tmp_path):

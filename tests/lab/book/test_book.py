@@ -137,6 +137,7 @@ def test_no_text_names_a_machine():
         *ROOT.glob("*.md"),
         *ROOT.glob("*.yml"),
         *(ROOT / "lmmap").rglob("*.py"),
+        *(ROOT / "lmmap_readers").rglob("*.py"),
         *(ROOT / "lmmap_lab").rglob("*.py"),
         ROOT / "Makefile",
     ]
@@ -149,12 +150,14 @@ def test_the_reference_documents_every_module():
     for page in API:
         source = [page.read_text()]
         list_modules(None, str(page.relative_to(ROOT).with_suffix("")), source)
-        documented += re.findall(r"automodule:: (lmmap(?:_lab)?\.[\w.]+)", source[0])
+        documented += re.findall(r"automodule:: (lmmap(?:_lab|_readers)?\.[\w.]+)", source[0])
         assert all(link in PAGES for link in linked_pages(source[0], page.parent)), page.name
-    packages = [path for house in ("lmmap", "lmmap_lab") for path in (ROOT / house).rglob("*.py")]
+    packages = [
+        path for house in ("lmmap", "lmmap_readers", "lmmap_lab") for path in (ROOT / house).rglob("*.py")
+    ]
     files = [path.relative_to(ROOT).with_suffix("").parts for path in packages]
     names = {".".join(parts).removesuffix(".__init__") for parts in files}
-    assert sorted(documented) == sorted(names - {"lmmap", "lmmap.__main__", "lmmap_lab"})
+    assert sorted(documented) == sorted(names - {"lmmap", "lmmap.__main__", "lmmap_readers", "lmmap_lab"})
 
 
 def test_pins_are_exact():

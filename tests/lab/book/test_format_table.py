@@ -21,7 +21,7 @@ import test_every_format as every
 from test_two_cameras import rpg
 
 from lmmap.cli import main
-from lmmap.recordings.formats import FORMATS, open_recording, open_stream
+from lmmap.recordings.formats import formats, open_recording, open_stream
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.shipped import DATA
 from lmmap.types import InputError
@@ -42,7 +42,7 @@ def video(path, r):
     writer.release()
 
 
-FILES = {  # a file of each of FORMATS, in their order, and what it is estimated from
+FILES = {  # a file of each of `formats`, and what it is estimated from
     "e.aedat4": (every.library, "event"), "e.bag": (every.library, "event"),
     "bag": (every.EVENTS["bag2"], "event"),
     "e.raw": (every.EVENTS["evt3.raw"], "event"), "e.dat": (every.dat, "event"),
@@ -137,16 +137,16 @@ def tried(name: str, place: Path) -> dict[str, str]:
 
 
 def row(k: int, place: Path) -> dict[str, str]:
-    what, suffixes, _ = FORMATS[k]
     name = list(FILES)[k]
-    assert (Path(name).suffix or "folder") in suffixes or "." not in name
+    ending = Path(name).suffix or {"bag": ".mcap", "pictures": "folder"}[name]
+    what, suffixes = next((what, ends) for what, ends in formats().items() if ending in ends)
     return {"format": what, "name ends in": " ".join(suffixes)} | tried(name, place)
 
 
-@pytest.mark.parametrize("k", range(len(FORMATS)), ids=[f[0] for f in FORMATS])
+@pytest.mark.parametrize("k", range(len(FILES)), ids=FILES)
 def test_the_table_says_what_the_commands_do(tmp_path, k):
     table = pd.read_csv(TABLE, dtype=str)
-    assert len(table) == len(FORMATS) == len(FILES)
+    assert len(table) == len(formats()) == len(FILES)
     made = row(k, tmp_path)
     assert made == table.iloc[k].to_dict()
     assert "no" not in made.values()
@@ -154,7 +154,7 @@ def test_the_table_says_what_the_commands_do(tmp_path, k):
 
 if __name__ == "__main__":
     rows = []
-    for k in range(len(FORMATS)):
+    for k in range(len(FILES)):
         with tempfile.TemporaryDirectory() as folder:
             rows.append(row(k, Path(folder)))
     pd.DataFrame(rows).to_csv(TABLE, index=False)

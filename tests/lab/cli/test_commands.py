@@ -10,7 +10,8 @@ import subprocess
 import sys
 import tomllib
 
-from lmmap.cli import arguments, main, plugins
+from lmmap import plugins
+from lmmap.cli import arguments, main
 from lmmap.pipeline.weights import FILTERS
 from lmmap_lab.adaptation import learning
 from lmmap_lab.bench import laboratory

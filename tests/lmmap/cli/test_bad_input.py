@@ -12,7 +12,7 @@ from library_files import write_recording
 
 from lmmap.cli import main
 from lmmap.pipeline.weights import load_network, weight_path
-from lmmap.recordings.formats import READERS, open_recording
+from lmmap.recordings.formats import open_recording, suffixes
 from lmmap.shipped import ROOT
 from lmmap.types import EVENT, Camera, Recording
 
@@ -69,13 +69,13 @@ def test_directory(refused, tmp_path):
     assert "not a folder of images" in refused(tmp_path / "empty")
 
 
-@pytest.mark.parametrize("suffix", [suffix for suffix in READERS if suffix != "folder"])
+@pytest.mark.parametrize("suffix", [suffix for suffix in suffixes() if suffix != "folder"])
 def test_empty(refused, tmp_path, small, suffix):
     (tmp_path / f"empty{suffix}").touch()
     assert f"empty{suffix}" in refused(tmp_path / f"empty{suffix}", "--camera", small)
 
 
-@pytest.mark.parametrize("suffix", [suffix for suffix in READERS if suffix != "folder"])
+@pytest.mark.parametrize("suffix", [suffix for suffix in suffixes() if suffix != "folder"])
 def test_wrong_format_under_a_right_name(refused, tmp_path, small, suffix):
     (tmp_path / f"fake{suffix}").write_bytes(b"PK\x03\x04 no recording, " + bytes(range(256)) * 20)
     assert f"fake{suffix}" in refused(tmp_path / f"fake{suffix}", "--camera", small)

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from lmmap.cli import main
 from lmmap.drawing import overlay
-from lmmap.recordings.formats import READERS
+from lmmap.recordings import formats
 from lmmap.recordings.images import IMAGE_SUFFIXES
 
 DRAWN, R = drawn.file(9), drawn.recording(9)
@@ -116,8 +116,8 @@ LOSSY = {*IMAGE_SUFFIXES, ".mp4", ".avi", ".mkv", ".mov"}  # one image, or chang
 
 
 def test_every_format_is_here():
-    suffixes = {"." + name.partition(".")[2] if "." in name else "folder" for name in (*EVENTS, *FRAMES)}
-    assert suffixes | LOSSY == set(READERS)
+    here = {"." + name.partition(".")[2] if "." in name else "folder" for name in (*EVENTS, *FRAMES)}
+    assert here | LOSSY == set(formats.suffixes())
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ import drawn
 import pytest
 from library_files import write_recording
 
-from lmmap.cli import main, plugins
+from lmmap import plugins
+from lmmap.cli import main
 from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.shipped import ROOT
 from lmmap.types import Pose
@@ -95,7 +96,7 @@ def test_a_mistake_of_ours_is_not_told_as_a_missing_package(other):
 def test_the_command_names_no_other_package():
     """What ``--help`` shows of others comes from their entry points alone."""
     code = (
-        "import sys; from lmmap.cli import main, plugins\n"
+        "import sys; from lmmap import plugins; from lmmap.cli import main\n"
         "plugins.entry_points = lambda group: {}\n"
         "try: main.main(['--help'])\n"
         "except SystemExit: print(*sorted(name for name in sys.modules if name.startswith('lmmap')))"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_files import WRITERS, write_recording
 
-from lmmap.recordings.formats import READERS, open_recording, open_stream
+from lmmap.recordings.formats import open_recording, open_stream, suffixes
 from lmmap.recordings.health import health
 from lmmap.types import EVENT, Camera, InputError, Pose, Recording, Trajectory
 
@@ -159,7 +159,7 @@ def test_no_recording_at_all(tmp_path, suffix):
         (tmp_path / f"{name}{suffix}").write_text(content)
         one_line(tmp_path / f"{name}{suffix}")
     (tmp_path / "sound.wav").write_bytes(b"x")
-    assert ", ".join(READERS) in one_line(tmp_path / "sound.wav")
+    assert ", ".join(suffixes()) in one_line(tmp_path / "sound.wav")
 
 
 @pytest.fixture(scope="module")

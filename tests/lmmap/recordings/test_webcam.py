@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from lmmap.recordings import webcam
-from lmmap.recordings.sensors import assumed
-from lmmap.recordings.webcam import Webcam
+from lmmap.recordings.webcam import Webcam, assumed
 from lmmap.types import InputError, Status
 
 BLACK = np.zeros((48, 64, 3), np.uint8)

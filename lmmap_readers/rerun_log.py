@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..files import atomic, check_folder_of
-from ..geometry.port import circle_points_m
-from ..geometry.projection import bearings, project
-from ..settings import OURS
-from ..types import Camera, Estimate, InputError, Port
-from .overlay import background
+from lmmap.drawing.overlay import background
+from lmmap.files import atomic, check_folder_of
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import bearings, project
+from lmmap.settings import OURS
+from lmmap.types import Camera, Estimate, InputError, Port
 
 SIGMAS = 2.0  # half axes of the ellipsoid of the position, in standard deviations
 

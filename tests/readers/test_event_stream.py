@@ -9,9 +9,9 @@ import pytest
 from foreign_files import es
 
 from lmmap.cli import main
-from lmmap.recordings import event_stream
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
+from lmmap_readers import event_stream
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 HEAD = b"Event Stream" + bytes([2, 0, 0, 1]) + struct.pack("<HH", *CAMERA.size_px)

@@ -1,11 +1,17 @@
-"""Packets of event_camera_msgs, or of event_array_msgs as they were called before, to events."""
+"""Packets of event_camera_msgs, or of event_array_msgs as they were called before, to events; and the ROS 1
+bags that hold them."""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from lmmap.recordings import bags, rosbag
+from lmmap.recordings.encodings import Unread
 
 from . import evt
-from .encodings import Unread
 
 DEFINITION = """std_msgs/Header header
 uint32 height
@@ -16,7 +22,6 @@ string encoding
 bool is_bigendian
 uint8[] events
 """
-TYPES = "event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray"
 STREAMS = {"evt3": evt.Evt3, "evt21": evt.Evt21, "evt2": evt.Evt2}  # of the sensor, cut anywhere
 PACKED = {"libcaer_cmp": evt.Evt3.word, "libcaer": evt.LIBCAER, "mono": evt.MONO}  # counted from a base
 SAME_CLOCK_US = 1_000_000  # between a base and its header, both of ROS
@@ -66,3 +71,12 @@ def _words(packed: np.ndarray, word: np.dtype) -> np.ndarray:
     if len(packed) % word.itemsize:
         raise ValueError(f"an event packet of {len(packed)} bytes, expected a multiple of {word.itemsize}")
     return packed.view(word)
+
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+for _name in bags.PACKETS:
+    STORE.register(get_types_from_msg(DEFINITION, _name))
+ROS1 = rosbag.ROS1._replace(
+    deserialize=lambda _, connection, raw: STORE.deserialize_ros1(raw, connection.msgtype), packets=Packets
+)
+read_bag = partial(bags.read, dialect=ROS1)

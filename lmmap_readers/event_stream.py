@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import regular_file
-from ..types import event_array
-from .stream import Source, in_chunks, reader
+from lmmap.files import regular_file
+from lmmap.recordings.stream import Source, in_chunks, reader
+from lmmap.types import event_array
 
 PIECE = 1 << 16  # bytes decoded at once
 HEAD = struct.Struct("<12s3BBHH")  # signature, version, kind of events, width, height
@@ -81,3 +81,6 @@ def _starts(is_short: np.ndarray) -> np.ndarray:
         starts = np.concatenate([starts, follower[starts]])
         follower = follower[follower]
     return starts[starts < end]
+
+
+read.what = "Event Stream of a DVS"

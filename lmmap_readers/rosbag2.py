@@ -16,10 +16,12 @@ from rosbags.highlevel import AnyReaderError
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..types import event_array
-from . import bags, packets, rosbag
+from lmmap.recordings import bags, rosbag
+from lmmap.recordings.stream import input_errors
+from lmmap.types import event_array
+
+from . import packets
 from .bounded_bag2 import open_bag
-from .stream import input_errors
 
 ERRORS = (*rosbag.ERRORS, AnyReaderError, ReaderError, apsw.Error, TypeError, AttributeError)
 STORE = get_typestore(Stores.ROS2_HUMBLE)  # for bags from before 2023, which state no types
@@ -27,7 +29,7 @@ EVENT_MSG = "uint16 x\nuint16 y\nbuiltin_interfaces/Time ts\nbool polarity\n"
 for _name, _definition in (
     ("dvs_msgs/msg/Event", EVENT_MSG),
     ("dvs_msgs/msg/EventArray", rosbag.ARRAY_MSG),
-    *((name, packets.DEFINITION) for name in packets.TYPES),
+    *((name, packets.DEFINITION) for name in bags.PACKETS),
 ):
     STORE.register(get_types_from_msg(_definition, _name))
 # An event of an array: CDR aligns its time to 4 bytes, so that 13 bytes take 16, counted from 4 before them
@@ -85,5 +87,7 @@ ROS2 = bags.Dialect(
     lambda bag, connection, raw: (_size_px(raw), _array_events(raw, _fields_of(bag, connection.msgtype))),
     lambda bag, connection, raw: bag.deserialize(raw, connection.msgtype),
     lambda raw: struct.unpack_from("<iI" if raw[1] & 1 else ">iI", raw, 4),
+    packets.Packets,
 )
 read = partial(bags.read, dialect=ROS2)
+read.what = "ROS 2 bag, a folder or a file: the same"

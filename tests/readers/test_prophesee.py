@@ -10,9 +10,10 @@ import pytest
 from foreign_files import dat, evt2, evt3, evt21
 
 from lmmap.cli import main
-from lmmap.recordings import hdf5_datasets, prophesee
+from lmmap.recordings import hdf5_datasets
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
+from lmmap_readers import prophesee
 
 CAMERA = Camera(1280, 720, 1600.0, 1600.0, 639.5, 359.5)
 LOOP_US = {"evt3": 1 << 24, "evt2": 1 << 34, "evt21": 1 << 34, "legacy": 1 << 34}

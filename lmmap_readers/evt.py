@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..types import EVENT, event_array
+from lmmap.types import EVENT, event_array
 
 
 def _latest(is_set: np.ndarray, values: np.ndarray, before) -> np.ndarray:

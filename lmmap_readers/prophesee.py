@@ -10,11 +10,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ..files import regular_file
-from ..types import event_array
+from lmmap.files import regular_file
+from lmmap.recordings.hdf5_datasets import blocks, open_dataset
+from lmmap.recordings.stream import CHUNK, Source, in_chunks, reader
+from lmmap.types import event_array
+
 from .evt import Evt2, Evt3, Evt21, HighTime
-from .hdf5_datasets import blocks, open_dataset
-from .stream import CHUNK, Source, in_chunks, reader
 from .units import microseconds
 
 PIECE = 1 << 18  # bytes decoded at once
@@ -137,3 +138,7 @@ def hdf5_size_px(file: h5py.File) -> tuple[int, int] | None:
 
 def _rows(file: h5py.File) -> h5py.Dataset:
     return open_dataset(file, HDF5_EVENTS, 1, columns="txyp")
+
+
+read_raw.what = "Prophesee RAW: EVT2, EVT2.1, EVT3"
+read_dat.what = "Prophesee DAT"

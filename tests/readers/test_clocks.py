@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lmmap.recordings.clocks import Span, doubt
+from lmmap_readers.clocks import Span, doubt
 
 US = 1_000_000
 T0 = 1_700_000_000 * US

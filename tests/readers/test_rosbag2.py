@@ -10,10 +10,10 @@ from foreign_files import KINDS, STORE, array, bag, header, image, packet
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lmmap.cli import main
-from lmmap.recordings import bounded_bag2
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.limits import MAX_CHUNK_BYTES
 from lmmap.types import EVENT, Camera, InputError
+from lmmap_readers import bounded_bag2
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 START_US = 1_600_000_000_123_456

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from strategies import facing_pose, seeds
 from test_journal import some_estimates
 
-from lmmap.recordings.pose_bags import STORES, TOPICS, PoseBag, messages
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.tracking.gate import innovation
 from lmmap.types import Estimate, InputError, Pose, Status
+from lmmap_readers.pose_bags import STORES, TOPICS, PoseBag, messages
 
 both = pytest.mark.parametrize("name", ["poses.bag", "poses.mcap"])
 

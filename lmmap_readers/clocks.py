@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import NamedTuple
 
-from ..types import InputError
-from .stream import Stream
+from lmmap.recordings.stream import Stream
+from lmmap.types import InputError
 
 # two cameras begin, and end, so far apart: seconds and periods of the frames
 ALIKE_S, ALIKE_PERIODS = 0.25, 1.5
@@ -44,9 +44,10 @@ def _span(pieces: Iterable[tuple[int, int, int]]) -> Span | None:
     return span
 
 
-def facts(events: Span | None, frames: Span | None) -> dict:
-    """Where events and frames lie in time and, of both, for how long they overlap and what speaks against one
-    clock."""
+def facts(events: tuple | None, frames: tuple | None) -> dict:
+    """Where events and frames lie in time, of the values of a `Span` each, and, of both, for how long they
+    overlap and what speaks against one clock."""
+    events, frames = (span and Span(*span) for span in (events, frames))
     named = {"events_at_s": events, "frames_at_s": frames}
     ends_s = {name: [span.first_us * 1e-6, span.last_us * 1e-6] for name, span in named.items() if span}
     if len(ends_s) < 2:
@@ -79,3 +80,8 @@ def doubt(events: Span | None, frames: Span | None) -> tuple[str, bool]:
         return "", False
     they = f"overlap for {both_s:.3f} s" if both_s > 0 else "do not overlap"
     return f"frames lie at {frames}, events at {events}, and {they}", apart
+
+
+def doubt_stream(stream: Stream) -> tuple[str, bool]:
+    """`doubt` of a stream's events and frames."""
+    return doubt(*spans(stream))

@@ -21,10 +21,11 @@ import numpy as np
 import pandas as pd
 from numpy.lib import format as npy_format
 
-from ..files import regular_file
-from ..types import event_array
-from .limits import MAX_LINE_BYTES
-from .stream import CHUNK, Source, pieces, reader
+from lmmap.files import regular_file
+from lmmap.recordings.limits import MAX_LINE_BYTES
+from lmmap.recordings.stream import CHUNK, Source, pieces, reader
+from lmmap.types import event_array
+
 from .units import Guessed, microseconds
 
 SPELLINGS = {
@@ -201,3 +202,8 @@ def _columns(names) -> tuple[dict[str, str], str | None, tuple[int, int] | None]
 
 def _events(values: dict[str, np.ndarray], unit: str | None) -> np.ndarray:
     return event_array(microseconds(values["t"], unit), values["x"], values["y"], values["p"])
+
+
+read_text.what = "events as text, t x y p"
+read_csv.what = "events as a table with named columns"
+read_npy.what = "events as a structured array of numpy"

@@ -6,12 +6,10 @@ at hand; its range is as wrong as its focal length.
 
 from __future__ import annotations
 
-import math
 import re
-import warnings
 from dataclasses import dataclass
 
-from ..types import Camera, InputError
+from lmmap.types import Camera, InputError
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,6 @@ SENSORS = {
     "imx636": Sensor("Prophesee and Sony", "EVK3 HD, EVK3+, EVK4", (1280, 720), 4.86),
     "genx320": Sensor("Prophesee", "GenX320", (320, 320), 6.3),
 }
-ASSUMED_VIEW_DEG = 60.0  # across the longer side of the image, as many webcams have
 ALIASES = {"evk3": "imx636", "evk3+": "imx636", "evk4": "imx636"}
 
 
@@ -54,22 +51,9 @@ def nominal(name: str, focal_mm: float) -> Camera:
     return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
 
 
-def assumed(size_px: tuple[int, int], name) -> Camera:
-    """A camera of which nothing but the images' size is known, and a warning of what that means."""
-    width, height = size_px
-    f_px = max(size_px) / 2 / math.tan(math.radians(ASSUMED_VIEW_DEG / 2))
-    view = f"{ASSUMED_VIEW_DEG:.0f} degrees of horizontal view, f = {f_px:.0f} px"
-    warnings.warn(f"{name}: no calibration; assuming {view}: distances are off by as "
-                  "many percent as f, angles by less; 'lmmap calibrate CLIP --focal' measures f, and "
-                  "--camera gives it", stacklevel=3)  # fmt: skip
-    return Camera(width, height, f_px, f_px, (width - 1) / 2, (height - 1) / 2)
-
-
-def load_camera(text, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
-    """The nominal camera that a text such as ``evk4:8mm`` asks for, or a calibration file's, of several
-    cameras that of a recording's size and topics; raises `InputError`."""
-    match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?([a-z]*)", str(text))
+def lens(text: str) -> Camera | None:
+    """The nominal camera that a text such as ``evk4:8mm`` asks for, if it does; raises `InputError`."""
+    match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?([a-z]*)", text)
     if match and match[3] != "mm" and match[1].lower() in SENSORS | ALIASES:
         raise InputError(f"{text}: a focal length without mm; give {match[1]}:{match[2]}mm if it has so many")
-    nominal_lens = match and match[3] == "mm"
-    return nominal(match[1], float(match[2])) if nominal_lens else Camera.load(text, size_px, topics)
+    return nominal(match[1], float(match[2])) if match and match[3] == "mm" else None

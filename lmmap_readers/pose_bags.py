@@ -11,8 +11,8 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from ..files import atomic, check_output, lock, temporary
-from ..types import Estimate, InputError, Status
+from lmmap.files import atomic, check_output, lock, temporary
+from lmmap.types import Estimate, InputError, Status
 
 TOPICS = {"/port_pose": "geometry_msgs/msg/PoseWithCovarianceStamped", "/tf": "tf2_msgs/msg/TFMessage"}
 STORES = {".bag": get_typestore(Stores.ROS1_NOETIC), ".mcap": get_typestore(Stores.ROS2_HUMBLE)}

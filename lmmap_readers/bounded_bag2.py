@@ -14,11 +14,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.reader import DirectoryReader
 
-from ..files import InputError, regular_file
-from .bounded_bag import BoundedPath
-from .limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
-
-METADATA = "metadata.yaml"  # what tells a bag's folder from another
+from lmmap.files import InputError, regular_file
+from lmmap.recordings.bounded_bag import BoundedPath
+from lmmap.recordings.formats import METADATA
+from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
 
 
 def open_bag(path: Path, typestore) -> AnyReader:

@@ -6,9 +6,15 @@ A file has cameras by name: `cameras_in` finds them, `choose` picks one, `camera
 from __future__ import annotations
 
 import re
-from contextlib import suppress
+import warnings
+from pathlib import Path
 
-from .documents import read_json, read_xml, read_yaml, shown
+from lmmap.camera_files import NAMES, camera_of, odd
+from lmmap.documents import read_json, shown
+from lmmap.recordings.stream import Source
+from lmmap.types import Camera
+
+from .documents import read_xml, read_yaml
 
 # keys in small letters without _, of: Kalibr, dv-processing, M3ED; Metavision
 SIZE = ("resolution", "imagesize", "imgsize")
@@ -36,28 +42,62 @@ COLMAP = {  # its models, and the parameters of each
 NAMES_A_LENS = re.compile(
     r"model|unit|fisheye|omni|lens|mirror|distort|(?<!re)projection(?!matrix)|^type$|^xi$|^[kp]\d$|^coeff|crop"
 )
-NAMES = "fx_px", "fy_px", "cx_px", "cy_px"
 
 
-def read_document(text: str, suffix: str):
-    """What a calibration's text holds: JSON, XML and YAML differ in their first letter; raises ValueError."""
+def read(text: str, path: Path, wanted: str, size_px=None, topics=()) -> dict:
+    """Fields of `Camera` of a file's text: of the camera that is wanted or, if none is, of the one with the
+    size and topic of a recording; a warning says so where that leaves a choice.  Raises ValueError."""
+    document = _document(text, path.suffix)
+    names = {_word(key) for key in document} if isinstance(document, dict) else set()
+    foreign = names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names)
+    if path.suffix == ".json" and not foreign:
+        return document  # ours, with another name in it
+    cameras = cameras_in(document)
+    if wanted and wanted not in cameras:
+        raise ValueError(f"no camera {wanted:.30} among {', '.join(cameras):.100}")
+    name, others = (wanted, []) if wanted else choose(cameras, size_px, topics)
+    values = camera_fields(cameras[name], size_px)
+    if part := region(cameras[name], size_px):
+        warnings.warn(f"{path}: {region_text(*part)}", stacklevel=7)
+    if others:
+        other = f"not {', '.join(others):.100}; name another, as --camera {path.name}:{others[0]:.30}"
+        warnings.warn(f"{path}: taking {name:.30}, {other}", stacklevel=7)
+    return values
+
+
+def inside(source: Source, cameras: dict[str, dict]) -> tuple[Camera | None, str]:
+    """The camera that a recording itself describes, with a warning that says which; or why it is not used."""
+    size_px = source.size_px
+    try:
+        name, others = choose(cameras, size_px, source.topics)
+    except ValueError as error:
+        return None, f"its own calibrations are not used ({error})"
+    try:
+        camera = camera_of(camera_fields(cameras[name], size_px))
+        if size_px not in (None, camera.size_px):
+            raise ValueError(
+                f"it is for {camera.width_px} x {camera.height_px} px, not {size_px[0]} x {size_px[1]}"
+            )
+    except ValueError as error:
+        return None, f"its own calibration {name} is not used ({error})"
+    part = region(cameras[name], size_px)
+    notes = [region_text(*part)] if part else []
+    notes += [f"not {', '.join(others)}"] if others else []
+    doubt = f"; {reason}, check it" if (reason := odd(camera)) else ""
+    warnings.warn(
+        f"{source.path}: taking its own calibration {', '.join([name, *notes])}{doubt}", stacklevel=5
+    )
+    return camera, ""
+
+
+def _document(text: str, suffix: str):
+    """What a calibration's text holds: XML and YAML differ in their first letter; raises ValueError."""
     if suffix == ".txt":
         lines = [line.split() for line in text.splitlines() if line[:1] not in ("#", "")]
         return {"cameras": _cameras_of_lines(lines)}
     if suffix == ".json":
         return read_json(text)
-    first = text.lstrip()[:1]
-    if first == "{":
-        with suppress(ValueError):  # YAML may begin so, too
-            return read_json(text)
-    return (read_xml if first == "<" else read_yaml)(text)
-
-
-def is_ours(document, suffix: str) -> bool:
-    """Whether a document has the names of `Camera`; in JSON, no other program's."""
-    names = {_word(key) for key in document} if isinstance(document, dict) else set()
-    foreign = names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names)
-    return "fxpx" in names or (suffix == ".json" and not foreign)
+    return (read_xml if text.lstrip()[:1] == "<" else read_yaml)(text)
 
 
 def cameras_in(document) -> dict[str, dict]:
@@ -159,16 +199,6 @@ def _of_region(values: dict, x: int, y: int, width_px: int, height_px: int, colu
         return values  # and refused for that
     numbers = fx / columns, fy / rows, (cx - x + 0.5) / columns - 0.5, (cy - y + 0.5) / rows - 0.5
     return {"width_px": width_px, "height_px": height_px} | dict(zip(NAMES, numbers, strict=True))
-
-
-def odd(values: dict) -> str | None:
-    """What hardly any camera has, in words: a centre far from the image's, its lens, oblong pixels."""
-    width, height, fx, fy, cx, cy = (values[n] for n in ("width_px", "height_px", *NAMES))
-    if abs(cx - (width - 1) / 2) > width / 5 or abs(cy - (height - 1) / 2) > height / 5:
-        return f"its centre ({cx:g}, {cy:g}) is far from the middle of {width} x {height} px"
-    if not 0.2 < fx / width < 50:
-        return f"its focal length is {fx:g} px for {width} px"
-    return None if 0.8 < fx / fy < 1.25 else f"its focal lengths differ, {fx:g} and {fy:g} px"
 
 
 def _lens(camera: dict) -> str | None:

@@ -1,14 +1,17 @@
-"""What other packages add to the ``lmmap`` command: named by entry points, and imported when it is needed."""
+"""What other packages add to lmmap: named by entry points, and imported when it is needed."""
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from functools import cache
 from importlib import metadata
 
-from ..files import InputError
+from .errors import InputError
 
+READERS = "lmmap.readers"  # of other programs' formats: by the end of a file's name, or by what they do
 COMMANDS, TRUTHS, NETWORKS, VIEWS = "lmmap.commands", "lmmap.truths", "lmmap.networks", "lmmap.views"
-INSTALL = "pip install 'lmmap[lab]'"  # the laboratory of the book, which uses all groups
+INSTALL = "pip install 'lmmap[lab]'"  # the laboratory of the book, which uses all other groups
 
 
 class NotInstalled(InputError):
@@ -18,6 +21,25 @@ class NotInstalled(InputError):
 def entry_points(group: str) -> dict[str, str]:
     """``module:function`` by name of each entry point of a group, among all packages that are installed."""
     return {point.name: point.value for point in sorted(metadata.entry_points(group=group))}
+
+
+@cache
+def reader(name: str) -> Callable | None:
+    """What readers of other programs' formats do under a name, imported now; None where none has it."""
+    if name not in (points := entry_points(READERS)):
+        return None
+    module, _, function = points[name].partition(":")
+    try:
+        return getattr(importlib.import_module(module), function)
+    except ModuleNotFoundError as error:
+        raise NotInstalled(f"{name}: needs {error.name}, which is not installed; pip install lmmap") from None
+
+
+def needed(name: str, what: str) -> Callable:
+    """As `reader`, but `NotInstalled`, which says ``what`` needs it, where none has it."""
+    if (found := reader(name)) is None:
+        raise NotInstalled(f"{what}: needs lmmap_readers, which is not installed; pip install lmmap")
+    return found
 
 
 def call(what: str, function: str, *arguments):

@@ -10,9 +10,9 @@ import pytest
 from strategies import facing_pose
 
 from lmmap.cli import main
-from lmmap.drawing import rerun_log
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.types import Camera, Ellipse, Estimate, Port, Status
+from lmmap_readers import rerun_log
 
 DRAWN = drawn.file(6)
 T = facing_pose(0.3, 0.2, 0.1, [0.01, -0.02, 0.6])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lmmap.recordings import tables
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.types import EVENT, Camera, InputError
+from lmmap_readers import tables
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 START_US = 1_600_000_000_123_456

@@ -1,0 +1,52 @@
+"""Short flat documents in YAML and XML, as calibrations are written."""
+
+from __future__ import annotations
+
+import re
+
+from lmmap.documents import MAX_DEPTH, once, shown
+
+MAX_YAML_LETTERS = 2**17  # of which the parser takes two seconds
+
+
+def read_yaml(text: str):
+    """A short flat YAML document, without what OpenCV writes and no YAML parser knows; raises ValueError.
+
+    Aliases are refused: a few of them stand for gigabytes.
+    """
+    import yaml  # only who has a calibration in YAML waits for it
+
+    if len(text) > MAX_YAML_LETTERS:
+        raise ValueError(f"{len(text)} letters, and at most {MAX_YAML_LETTERS} are read")
+    text = re.sub(r"^%YAML.*\n(---\n)?", "", text).replace("!!opencv-matrix", "")
+    try:
+        depth = 0
+        for event in yaml.parse(text, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError("it refers to its own parts")
+            if getattr(event, "tag", None):  # what its parser makes of one may be no number or text
+                raise ValueError(f"it has the tag {shown(event.tag)}")
+            if depth > MAX_DEPTH:
+                raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"not YAML: {' '.join(str(error).split()):.100}") from None
+
+
+def read_xml(text: str) -> dict:
+    """A document of OpenCV's FileStorage in XML: names with texts, lists or matrices; raises ValueError."""
+    from xml.etree import ElementTree  # only who has one waits for it
+
+    def value(element, depth: int = 0):
+        if depth > MAX_DEPTH:
+            raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
+        if len(element):
+            return once([(child.tag, value(child, depth + 1)) for child in element])
+        words = (element.text or "").strip().strip('"').split()
+        return words if element.tag == "data" or len(words) > 1 else "".join(words)
+
+    try:
+        return value(ElementTree.fromstring(text))
+    except ElementTree.ParseError as error:
+        raise ValueError(f"not XML: {error}") from None
