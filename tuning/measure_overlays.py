@@ -84,11 +84,15 @@ def least_tilts_deg(T: Pose, camera: Camera, port: Port) -> dict[str, float]:
     tilts_rad, azimuths_deg = np.deg2rad(np.arange(0, 30, 0.5)), np.arange(0, 360, 10)
     tilt, azimuth = (v.ravel() for v in np.meshgrid(tilts_rad, azimuths_deg))
     sight = T.position_m / np.linalg.norm(T.position_m)
-    across = Rotation.from_rotvec(np.deg2rad(azimuth)[:, None] * sight).apply(np.cross(sight, [0, 1, 0]))
+    across = Rotation.from_rotvec(np.deg2rad(azimuth)[:, None] * sight).apply(
+        np.cross(sight, [0, 1, 0]) / np.hypot(*sight[[0, 2]])
+    )
     normal = -Rotation.from_rotvec(tilt[:, None] * across).apply(sight)
     facing = Rotation.from_rotvec([np.pi, 0, 0]).as_matrix()
     axis = np.cross(-np.array([0, 0, 1.0]), normal)
-    axis *= (angle_between_rad(-np.array([0, 0, 1.0]), normal) / np.linalg.norm(axis, axis=1))[:, None]
+    axis *= (
+        angle_between_rad(-np.array([0, 0, 1.0]), normal) / np.maximum(np.linalg.norm(axis, axis=1), 1e-12)
+    )[:, None]
     many = Pose(Rotation.from_rotvec(axis).as_matrix() @ facing, np.broadcast_to(T.position_m, normal.shape))
     ellipses = circle_ellipse(many, port.ring_radius_m, camera)
     normals = {reading: formula.normals(ellipses, camera, port.ring_radius_m, reading, many.position_m)
@@ -98,16 +102,20 @@ def least_tilts_deg(T: Pose, camera: Camera, port: Port) -> dict[str, float]:
 
 def beside(drawn: Pose, seen: Pose, camera: Camera, port: Port, to_davis: float) -> dict[str, float]:
     """How the drawn pose lies to the seen ring: ``offset_px`` between the images of the ring's centre and its
-    ellipse's centre, the drawn centre ``along_px`` from the first to the second, and the angles (deg) between
-    the drawn normal and each reading's nearest."""
+    ellipse's centre, how far from the first toward the second the drawn centre is, ``along_px``, and the
+    printed one, ``printed_along_px``; and the angles (deg) of the drawn normal to each reading's nearest."""
     nu = port.ring_radius_m
     ellipse = circle_ellipse(seen, nu, camera)
     centre = project(seen.position_m, camera)
     offset = ellipse.centre_px - centre
     offset_px = np.linalg.norm(offset)
-    along = (project(drawn.position_m, camera) - centre) @ offset / offset_px
+    printed_m = circle.paper_poses(ellipse, camera, nu).position_m[0]
+    along, printed = (
+        (project(p, camera) - centre) @ offset / offset_px for p in (drawn.position_m, printed_m)
+    )
     far_m, drawn_m = (np.linalg.norm(T.position_m) for T in (seen, drawn))
     values = {"offset_px": to_davis * offset_px, "along_px": to_davis * along,
+              "printed_along_px": to_davis * printed,
               "nearer_percent": 100 * (1 - drawn_m / far_m),
               EXACT: angle_between_rad(seen.normal, drawn.normal)}  # fmt: skip
     for reading in formula.READINGS:

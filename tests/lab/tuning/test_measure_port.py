@@ -118,7 +118,7 @@ def test_draws_repeat_themselves_and_differ_from_each_other(overlays, found):
     once, again = (measure_port.drawn_anew([overlays], found, 2) for _ in range(2))
     np.testing.assert_array_equal(once, again)
     assert not np.array_equal(once[0], once[1])
-    np.testing.assert_allclose(once, [found[:COUNT]] * 2, atol=0.02)
+    np.testing.assert_allclose(once[:, :COUNT], [found[:COUNT]] * 2, atol=0.02)
 
 
 def test_a_fill_that_ends_outside_makes_windows_larger_by_half_a_pixel(found):
