@@ -82,9 +82,10 @@ test-robustness: env $(ORACLES)  ## run what needs processes of its own: attacks
 test-pythons:  ## run both commands in a fresh clone, on each promised Python that is found here (half an hour each)
 	@.ci/pythons test reproduce
 
-lint: env  ## ruff, formatting, and the floors (imports run downward only)
+lint: env  ## ruff, formatting, types, and the floors (imports run downward only)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
 book: env  ## build the book, making the results that are absent or old; warnings are errors
@@ -131,5 +132,5 @@ vo: env .venv-vo/.installed  ## run ORB-SLAM3, SVO (GPL-3, in .venv-vo) and EVO 
 	@touch $@
 
 clean:  ## remove the book, derived data and caches; .venv stays
-	rm -rf _build data/derived .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf _build data/derived .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache
 	find lmmap tests book benchmarks tuning -name __pycache__ -type d -prune -exec rm -rf {} +

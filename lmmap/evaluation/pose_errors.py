@@ -11,6 +11,7 @@ from ..types import AnyRecording, Estimate, Pose
 
 def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
     """The estimates whose time the truth covers, and the true poses then."""
+    assert recording.truth is not None
     times_us = np.array([e.t_us for e in estimates], np.int64)
     covered = recording.truth.covers(times_us)
     known = [e for e, inside in zip(estimates, covered, strict=True) if inside]

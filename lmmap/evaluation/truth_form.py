@@ -22,7 +22,9 @@ def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -
     posed = truth.covers(times_us) & np.array([e.T_cam_port is not None for e in estimates], bool)
     if np.sum(posed) < FEWEST:
         return None
-    poses = stack_poses([e.T_cam_port for e, known in zip(estimates, posed, strict=True) if known])
+    poses = stack_poses(
+        [T for e, known in zip(estimates, posed, strict=True) if known and (T := e.T_cam_port) is not None]
+    )
 
     def errors(form: Pose) -> tuple[float, float]:
         T = Trajectory(truth.t_us, form).at(times_us[posed])

@@ -18,7 +18,7 @@ def bearings(points_px, camera: Camera) -> np.ndarray:
     if camera.distortion and camera.distortion_model == "equidistant":
         xy = _undistort_equidistant(xy, camera.distortion)
     elif camera.distortion and points.size:
-        flat = cv2.undistortPointsIter(
+        flat = cv2.undistortPointsIter(  # type: ignore[call-overload]  # its types know no None
             points.reshape(-1, 1, 2), camera.K, np.array(camera.distortion), None, None,
             (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12),
         )  # fmt: skip

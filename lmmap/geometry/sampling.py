@@ -15,7 +15,8 @@ def sample(image, points_px) -> np.ndarray:
         grid = np.asarray(points_px).astype(np.float32).reshape(-1, points_px.shape[-2], 2)
     np.fmin(np.fmax(grid, -10, out=grid), 30_000, out=grid)  # of NaN and -10, -10
     image = np.asarray(image, np.float32)
-    return cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderValue=0.0).reshape(points_px.shape[:-1])
+    values = cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderValue=0.0)  # type: ignore[call-overload]
+    return values.reshape(points_px.shape[:-1])
 
 
 def profiles(image, points_px, directions, offsets_px, camera: Camera | None = None) -> np.ndarray:

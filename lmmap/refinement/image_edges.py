@@ -105,16 +105,16 @@ def _outline(port: Port) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     inner, outer = (circle_points_m(radius_m, RING_POINTS) for radius_m in radii_m)
     radial = circle_points_m(OUTWARD_M, RING_POINTS)
     share = (np.arange(SIDE_POINTS) + 1) / (SIDE_POINTS + 1) - 0.5
-    points, beside = [inner, outer], [inner - radial, outer + radial]
+    points_m, beside_m = [inner, outer], [inner - radial, outer + radial]
     tip_m, height_m = port.apothem_m + port.petal_lean_m, port.plate_height_m + port.petal_rise_m
     sides = [(port.apothem_m, port.plate_circumradius_m, port.plate_height_m)] * (2 * port.symmetry)
-    yaws = [*(np.arange(2 * port.symmetry) / 2), *range(port.symmetry)]
+    yaws: list[float] = [*(np.arange(2 * port.symmetry) / 2), *range(port.symmetry)]
     sides += [(tip_m, port.petal_widths_m[1], height_m)] * port.symmetry
     for (away_m, width_m, z_m), k in zip(sides, yaws, strict=True):
         turn = rotation_z(np.array(k * port.yaw_period_rad))
         side = np.stack([np.full_like(share, away_m), share * width_m, np.full_like(share, z_m)], -1)
-        points.append(side @ turn.T)
-        beside.append((side + np.array([OUTWARD_M, 0, 0])) @ turn.T)
+        points_m.append(side @ turn.T)
+        beside_m.append((side + np.array([OUTWARD_M, 0, 0])) @ turn.T)
     on_ring = np.repeat([True, False], [2 * RING_POINTS, len(sides) * SIDE_POINTS])
-    points, beside = (frozen_array(np.concatenate(part)) for part in (points, beside))
+    points, beside = (frozen_array(np.concatenate(part)) for part in (points_m, beside_m))
     return points, beside, frozen_array(on_ring, bool)

@@ -65,8 +65,8 @@ class Uncertainty:
         gain = chart[:3, 3:] @ np.linalg.inv(chart[3:, 3:])
         dw = z @ np.linalg.cholesky(chart[3:, 3:]).T
         branches = (branch, -branch) if self.tilt_sigmas < self.merged else (branch,)
-        around = [_move(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches]
-        around, weights = np.concatenate(around), np.tile(weights, len(branches)) / len(branches)
+        moved = [_move(dw @ gain.T, dw + np.array([w, 0]), size, b, radius_m) for b in branches]
+        around, weights = np.concatenate(moved), np.tile(weights, len(branches)) / len(branches)
         rest = chart[:3, :3] - gain @ chart[3:, :3]
         step = 1e-6
         here = _move(np.zeros((1, 3)), np.array([[w, 0]]), size, branch, radius_m)
@@ -140,7 +140,9 @@ def pose_uncertainty(T_cam_port: Pose, points_px, sigma_px: float, radius_m: flo
     return Uncertainty(T_cam_port, chart, tilt_sigmas, radius_m, camera, yaw_sigma_rad, merged)
 
 
-def cone_chart(T_cam_port: Pose, radius_m: float, camera: Camera):
+def cone_chart(
+    T_cam_port: Pose, radius_m: float, camera: Camera
+) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Eigenvalues scaled to l3 = -1, axes, m and |w| of a circle's cone."""
     if not radius_m > 0:
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")

@@ -10,6 +10,7 @@ from functools import cache, wraps
 from importlib import import_module
 from numbers import Real
 from types import UnionType
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,13 +22,17 @@ MAX_TIME_US = 2**60  # either way: 36 000 years; sums and differences of such ti
 
 def check_number(name: str, value, low: float, high: float) -> None:
     """ValueError unless the value is a number from ``low`` to ``high``."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not low <= value <= high:
+    if isinstance(value, bool) or not isinstance(value, Real) or not low <= cast(float, value) <= high:
         raise ValueError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r:.40}")
 
 
 def check_time(name: str, t_us) -> None:
     """ValueError unless the value is a time that fits 64 bits of microseconds."""
-    if isinstance(t_us, bool) or not isinstance(t_us, Real) or not -MAX_TIME_US <= t_us <= MAX_TIME_US:
+    if (
+        isinstance(t_us, bool)
+        or not isinstance(t_us, Real)
+        or not -MAX_TIME_US <= cast(float, t_us) <= MAX_TIME_US
+    ):
         raise ValueError(f"{name}: expected a time that fits 64 bits of microseconds, got {t_us!r:.40}")
 
 
@@ -66,7 +71,7 @@ def check_fields(instance) -> None:
         _check(field.name, getattr(instance, field.name), hints[field.name], type(instance))
 
 
-_hints = cache(typing.get_type_hints)
+_hints: abc.Callable[[object], dict[str, Any]] = cache(typing.get_type_hints)
 
 
 def _check(name: str, value, hint, of) -> None:

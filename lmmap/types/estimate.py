@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Estimate:
         """The estimate of a pose with this confidence: reported if that is at least so much, else
         ``unsure``."""
         if confidence >= least:
-            answer = {"status": Status.OK, "T_cam_port": self.found, "doubtful": None}
+            answer: dict[str, Any] = {"status": Status.OK, "T_cam_port": self.found, "doubtful": None}
         else:
             answer = {"status": Status.UNSURE, "T_cam_port": None, "doubtful": self.found}
         return replace(self, **answer, confidence=confidence)

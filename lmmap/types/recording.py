@@ -50,12 +50,25 @@ class Recording:
 class AnyRecording(Protocol):
     """What a `Recording` in memory and a stream from a file have in common."""
 
-    name: str
-    camera: Camera
-    truth: Trajectory | None
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that recorded it."""
+        ...
+
+    @property
+    def truth(self) -> Trajectory | None:
+        """The true poses, where they are known."""
+        ...
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time."""
+        ...
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time."""
+        ...

@@ -4,6 +4,8 @@ The names come from ``lmmap.__all__`` and the arguments from the signatures.  A 
 value in `GOOD`, and is attacked like the others.
 """
 
+import ast
+import importlib
 import inspect
 from dataclasses import asdict, fields, is_dataclass, replace
 from enum import Enum
@@ -153,3 +155,13 @@ def test_misuse_of_any_argument_is_named(label, tmp_path, monkeypatch):
             except Exception as error:
                 faults.append((name, bad, f"{error!r:.200}"))
     assert not faults, "\n".join(f"{name}={bad!r:.40}: {fault}" for name, bad, fault in faults)
+
+
+def test_type_checkers_see_the_public_names():
+    """At run time each is imported when it is first used, which no type checker follows."""
+    stub = ast.parse(Path(lmmap.__file__).with_suffix(".pyi").read_text())
+    homes = {alias.asname: node.module for node in stub.body for alias in node.names}
+    assert sorted(homes) == lmmap.__all__
+    for name, home in homes.items():
+        value = getattr(importlib.import_module(f"lmmap.{home}"), name, None)
+        assert (value or importlib.import_module(f"lmmap.{home}.{name}")) is getattr(lmmap, name)

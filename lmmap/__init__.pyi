@@ -1,0 +1,24 @@
+# The public names, for type checkers and editors: at run time each is imported when it is first used.
+from .drawing.overlay import draw as draw
+from .estimation.estimates import estimate as estimate
+from .pipeline import circle as circle
+from .pipeline import ellipse as ellipse
+from .pipeline import histograms as histograms
+from .pipeline.estimator import Estimator as Estimator
+from .pipeline.printed import PrintedEstimator as PrintedEstimator
+from .recordings.formats import open_recording as open_recording
+from .recordings.pose_files import read_estimates as read_estimates
+from .recordings.pose_files import write_estimates as write_estimates
+from .settings import OURS as OURS
+from .settings import PAPER as PAPER
+from .tracking.fusion import fuse as fuse
+from .tracking.tracker import Tracker as Tracker
+from .types import Camera as Camera
+from .types import Ellipse as Ellipse
+from .types import Estimate as Estimate
+from .types import InputError as InputError
+from .types import Port as Port
+from .types import Pose as Pose
+from .types import Recording as Recording
+from .types import Status as Status
+from .types import Trajectory as Trajectory
