@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 
 from lmmap.estimation.images import images
 from lmmap.pipeline.estimator import Estimator
-from lmmap.settings import MODALITIES, PAPER
+from lmmap.settings import MODALITIES, OURS, PAPER
 from lmmap.types import Camera, Ellipse, Recording
 
+from ..studies.verdicts import ESTIMATORS
 from .drawings import COLOUR, draw_estimate
 from .port_fit import draw_outline
+from .tables import sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 REPRODUCE_MINUTES = 12  # of `make reproduce` on two cores, without the installation; README says the same
@@ -24,6 +27,19 @@ FLOW = (
     ("outlier\nfilter", "trajectory", "rgb"),
 )  # fmt: skip
 IN_A_ROW = 5
+HEADLINES = {  # claims of the paper by key, in short
+    "alike_low_gap": "Trained on film, frames and events are equally accurate",
+    "events_win": "Trained without film, events beat frames in high light",
+    "events_generalise": "Events generalise better than frames",
+    "normal_poor": "The normal is far less accurate than the position",
+    "sensitivity_explains": "because one pixel can turn it by 8.9°",
+    "satellite_agnostic": "It works knowing nothing of the satellite but the port",
+    "slow_blinds_events": "Slow motion blinds the event camera",
+    "reflect_blinds_frames": "A full reflection blinds the RGB camera",
+    "false_detections": "Without a port, false poses are rare",
+    "odometry_not_enough": "Visual odometry is not accurate enough to dock",
+    "ten_hz": "It runs at 10 Hz",
+}
 
 
 def draw_flow():
@@ -46,6 +62,32 @@ def draw_flow():
     ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
     ax.set_axis_off()
     return fig
+
+
+def scorecard(claims: pd.DataFrame):
+    """Headline claims, a row each, styled: the paper's numbers, those of the estimator that decides, the
+    verdict; ``claims`` as `claims.claims`."""
+    rows = claims.set_index("key").loc[list(HEADLINES)]
+    columns = {name: estimator for estimator, name in ESTIMATORS.items()}
+    ours = [row[columns[row.decides]] for _, row in rows.iterrows()]
+    about = rows.numbers.where(rows.numbers != "in words", "").map(
+        lambda t: f"<br><small>{t}</small>" if t else ""
+    )
+    table = pd.DataFrame({
+        "claim": rows.index.map(HEADLINES) + about, "paper": rows.paper, "here": ours,
+        "verdict": "<b>" + rows.verdict + "</b>",
+    })  # fmt: skip
+    return sentence_table(table.map(lambda text: text.replace(" | ", " and ")))
+
+
+def clean_pictures(found: pd.DataFrame, pictures: pd.DataFrame) -> pd.DataFrame:
+    """What the default networks find in pictures of the real port that show its ring and have nothing drawn
+    in; ``found`` as data/results/pictures.csv, ``pictures`` as data/paper/pictures.csv."""
+    seen = pictures[
+        ~pictures.lines & ~pictures.note.str.startswith("nobody") & (pictures.picture != "port-drawing")
+    ]
+    ours = found[(found.filters == OURS.weights) & found.local_search]
+    return ours[ours.picture.isin(seen.picture)]
 
 
 def draw_first(recording: Recording, outlines):

@@ -23,7 +23,7 @@ from lmmap.tracking.fusion import fuse
 from lmmap.types import Port
 
 from ..bench import laboratory, sequences
-from ..provenance import DATA, DERIVED_DATA, PINS, fingerprint, save_json, save_table
+from ..provenance import DATA, DERIVED_DATA, PINS, fingerprint, load_table, save_json, save_table
 from ..training.mask_quality import filter_quality
 from . import accuracy_tables, reliability, table1
 from .accuracy_tables import DRAWS, SEED, label
@@ -222,6 +222,10 @@ def _tabulate(profile: str, study: Study) -> None:
     for target in [folder, study.committed] if profile == "paper" else [folder]:
         for name, table in tables.items():
             save_table(target / f"{name}.csv", table, **facts)
-        judged = (tables[name] for name in ("counts", "saturation", "filters"))
-        rows = claims(table1.compare(target), *judged)
-        save_table(target / "claims.csv", rows, **facts)
+        save_table(target / "claims.csv", claims_of(target), **facts)
+
+
+def claims_of(folder: Path) -> pd.DataFrame:
+    """`claims.claims` of a profile's tables."""
+    judged = (load_table(folder / f"{name}.csv") for name in ("counts", "saturation", "filters"))
+    return claims(table1.compare(folder), *judged)

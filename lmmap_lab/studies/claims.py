@@ -138,12 +138,14 @@ def _unknown_satellites(table):
         ranges += [(wrong[e], "wrong in", "%")] if e in wrong and wrong[e].notna().any() else []
         return ", ".join(f"{words} {short(v.min())} to {short(v.max())} {unit}" for v, words, unit in ranges)
 
-    judged = {e: (text(e), verdict((rates[e] >= FOUND_PERCENT) & (error[e] <= NEAR_M))) for e in run(table)}
+    def right(e):  # of images that show the ring; the paper counts no wrong poses
+        return rates[e].sub(wrong[e], fill_value=0) if e in wrong else rates[e]
+
+    judged = {e: (text(e), verdict((right(e) >= FOUND_PERCENT) & (error[e] <= NEAR_M))) for e in run(table)}
     return row(
         "satellite_agnostic",
         text("table1"),
         judged,
-        f"a pose in over {FOUND_PERCENT:.0f} % of the images that show the ring, and a median below "
-        f"{1e3 * NEAR_M:.0f} mm; partly: in part of the cells; wrong poses are shown and not judged, because "
-        "the paper states none",
+        f"a right pose in over {FOUND_PERCENT:.0f} % of the images that show the ring, and a median below "
+        f"{1e3 * NEAR_M:.0f} mm, in each light and camera; partly: in some",
     )

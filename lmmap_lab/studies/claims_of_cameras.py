@@ -10,10 +10,9 @@ import pandas as pd
 from ..provenance import DATA, load_table
 from . import domain_gap
 from .table1 import LIGHTS
-from .verdicts import ESTIMATORS, FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, verdict
+from .verdicts import ALIKE, ESTIMATORS, FAILS, HOLDS, PARTLY, UNTESTED, other_results, row, verdict
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
-ALIKE = 1.6  # the widest ratio of medians between cells that the paper calls similar
 RANKED = 0.3  # a rank correlation that means something
 GAP = DATA / "results" / "domain-gap.csv"
 MEASURES = {

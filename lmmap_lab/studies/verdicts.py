@@ -14,6 +14,7 @@ UNTESTED, NOT_RUN = "cannot be tested here", "not run"
 TRIED = "future work, tried"  # of a proposal of the paper, which claims no result
 ASKED = "our question, tried"  # what the paper's claims make one ask
 NO_CLAIM = (TRIED, ASKED)
+ALIKE = 1.6  # the widest ratio of medians between cells that the paper calls similar
 ESTIMATORS = {"as_printed": "as printed", "printed": "printed formula", "ours": "ours"}
 COLUMNS = ["key", "part", "claim", "numbers", "paper", *ESTIMATORS, *(f"{e}_verdict" for e in ESTIMATORS),
            "decides", "verdict", "why"]  # fmt: skip

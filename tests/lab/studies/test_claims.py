@@ -8,6 +8,7 @@ from lmmap.types import Camera, Port, Pose
 from lmmap_lab.provenance import DATA
 from lmmap_lab.studies import claims as claims_module
 from lmmap_lab.studies import domain_gap, five_degrees_study
+from lmmap_lab.studies.accuracy_run import COMMITTED, claims_of
 from lmmap_lab.studies.claims import claims
 from lmmap_lab.studies.claims_of_cameras import claims_of_cameras
 from lmmap_lab.studies.claims_of_method import roots_apart_rad
@@ -241,3 +242,10 @@ def test_too_few_images_say_nothing_about_rare_events(images):
 def test_a_row_without_a_word_of_an_estimator_says_so():
     only = row("not_hdr", "p", {"ours": ("1", HOLDS)}, "w", decides="ours")
     assert only["printed"] == only["printed_verdict"] == NOT_RUN and only["verdict"] == HOLDS
+
+
+def test_the_committed_claims_are_those_of_the_committed_tables():
+    """So no number of another table is old in them."""
+    again = claims_of(COMMITTED)
+    kept = pd.read_csv(COMMITTED / "claims.csv")
+    pd.testing.assert_frame_equal(again.reset_index(drop=True).astype(str), kept.astype(str))
