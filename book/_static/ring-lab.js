@@ -170,7 +170,7 @@
     const [[a, from], [b, to]] = [medians[k - 1], medians[k]];
     const median = from + ((to - from) * (lens_mm - a)) / (b - a);
     const where = median > most ? "above" : median < least ? "below" : "within";
-    return ` With this lens its median over the test's poses is <b>${median.toFixed(1)}°</b>, ${where} the ${least} to ${most}° of Table I.`;
+    return ` With this lens its median over the test's poses is <b>${median.toFixed(1)}°</b>, ${where} the ${least.toFixed(1)} to ${most.toFixed(1)}° of Table I.`;
   }
 
   function start(root) {
