@@ -54,6 +54,12 @@ def draw(
     ------
     ValueError
         If the image's size is not the camera's.
+
+    Examples
+    --------
+    >>> dark = np.zeros((260, 346, 3), np.uint8)
+    >>> lmmap.draw(dark, lmmap.Estimate(8000, lmmap.Status.NO_RING)).shape[2]
+    3
     """
     camera, port = camera or Camera.davis346(), port or Port.lm_map()
     image = np.asarray(image)

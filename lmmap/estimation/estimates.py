@@ -54,7 +54,16 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
 def estimate(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
-    """Estimates of a whole recording, in the order of time."""
+    """Estimates of a whole recording, in the order of time.
+
+    Examples
+    --------
+    >>> frames = np.zeros((2, 260, 346, 3), np.uint8)
+    >>> camera = lmmap.Camera.davis346()
+    >>> dark = lmmap.Recording("dark", camera, np.zeros(0, EVENT), frames, [0, 50_000])
+    >>> [e.t_us for e in lmmap.estimate(dark, lmmap.Estimator(modality="rgb"))]
+    [0, 50000]
+    """
     timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     return (estimate for _, estimate in estimate_images(timed, estimator))
 

@@ -50,6 +50,12 @@ class Estimator(ImageEstimator):
         That of the networks that have learned.
     further : list of Look
         How an image is looked at again (`looks`).
+
+    Examples
+    --------
+    >>> estimator = lmmap.Estimator(modality="rgb")
+    >>> estimator(np.zeros((260, 346, 3), np.uint8), t_us=8000).status
+    <Status.NO_RING: 'no_ring'>
     """
 
     def __init__(self, camera: Camera | str | Path | None = None, port: Port | None = None,

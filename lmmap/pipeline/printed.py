@@ -40,6 +40,12 @@ class PrintedEstimator(ImageEstimator):
         What the text leaves open.
     paper
         What the text states.
+
+    Examples
+    --------
+    >>> estimator = lmmap.PrintedEstimator(modality="rgb")
+    >>> estimator(np.zeros((260, 346, 3), np.uint8), t_us=8000).status
+    <Status.NO_RING: 'no_ring'>
     """
 
     @checked

@@ -31,6 +31,12 @@ def open_recording(path: str | Path, camera: Camera | str | Path | None = None, 
     ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
     ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a recording of
     346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``options`` are those of `open_stream`.
+
+    Examples
+    --------
+    >>> recording = lmmap.open_recording(DATA / "mini" / "test-low.aedat4")
+    >>> recording.frames.shape[1:], recording.truth is None
+    ((260, 346, 3), False)
     """
     return open_stream(path, camera, **options).collect()
 

@@ -114,7 +114,14 @@ def _check_step(path, step_s: float, own: str) -> None:
 @checked
 def write_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
     """Write one line an estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
-    printed formula, certainty, and the upper triangle of the pose's covariance."""
+    printed formula, certainty, and the upper triangle of the pose's covariance.
+
+    Examples
+    --------
+    >>> lmmap.write_estimates([lmmap.Estimate(8000, lmmap.Status.NO_RING)], folder / "poses.csv")
+    >>> lmmap.read_estimates(folder / "poses.csv")[0].status
+    <Status.NO_RING: 'no_ring'>
+    """
     with atomic(path) as temporary, temporary.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -144,7 +151,14 @@ def round_trip(e: Estimate) -> Estimate:
 
 @checked
 def read_estimates(path: str | Path) -> list[Estimate]:
-    """Read what `write_estimates` wrote; raises `InputError`."""
+    """Read what `write_estimates` wrote; raises `InputError`.
+
+    Examples
+    --------
+    >>> lmmap.write_estimates([], folder / "none.csv")
+    >>> lmmap.read_estimates(folder / "none.csv")
+    []
+    """
     return parse_estimates(read_text(path, MAX_ESTIMATES_BYTES), path)
 
 

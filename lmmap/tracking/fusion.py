@@ -170,6 +170,12 @@ def fuse(
     ValueError
         For a period beyond 1 to 360 degrees, a rate beyond 1e-6 to 1e6 Hz, a pose without covariance or
         confidence, and as `Fusion.add`.
+
+    Examples
+    --------
+    >>> unseen = [("rgb", lmmap.Estimate(0, lmmap.Status.NO_RING))]
+    >>> [e.status for e in lmmap.fuse(unseen, yaw_period_rad=np.radians(120))]
+    [<Status.NO_RING: 'no_ring'>]
     """
     check_number("yaw_period_rad", yaw_period_rad, np.deg2rad(1), 2 * np.pi)
     if rate_hz is not None:

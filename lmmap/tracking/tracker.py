@@ -35,6 +35,12 @@ class Tracker:
     events
         Whether the camera's events will be told between the images (`add_events`).  The track then assumes
         the livelier motion of ``settings.between``, which events can follow.
+
+    Examples
+    --------
+    >>> tracker = lmmap.Tracker(lmmap.Estimator(modality="rgb"))
+    >>> tracker(np.zeros((260, 346, 3), np.uint8), t_us=8000).status
+    <Status.NO_RING: 'no_ring'>
     """
 
     @checked

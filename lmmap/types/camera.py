@@ -22,6 +22,12 @@ class Camera:
 
     ``distortion`` holds (k1, k2, p1, p2, k3) of the model ``"radtan"``, or (k1, k2, k3, k4) of Kalibr's and
     OpenCV's ``"equidistant"`` fisheye; without any there is no distortion, whatever the model.
+
+    Examples
+    --------
+    >>> camera = lmmap.Camera(640, 480, fx_px=500, fy_px=500, cx_px=319.5, cy_px=239.5)
+    >>> camera.size_px
+    (640, 480)
     """
 
     width_px: int

@@ -13,7 +13,17 @@ from .checks import check_number
 @dataclass(frozen=True)
 class Ellipse:
     """Ellipses in the image: ``centre_px (..., 2)``, ``semi_axes_px (..., 2)`` with major first,
-    ``angle_rad (...)`` from +u to the major axis, modulo pi."""
+    ``angle_rad (...)`` from +u to the major axis, modulo pi.
+
+    Examples
+    --------
+    >>> ring = lmmap.Ellipse(centre_px=[170, 130], semi_axes_px=[40, 30], angle_rad=0.0)
+    >>> ring.points(4).round()
+    array([[210., 130.],
+           [170., 160.],
+           [130., 130.],
+           [170., 100.]])
+    """
 
     centre_px: np.ndarray
     semi_axes_px: np.ndarray

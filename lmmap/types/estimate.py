@@ -15,7 +15,13 @@ from .pose import Pose
 
 
 class Status(StrEnum):
-    """Why a frame has a pose, or has none."""
+    """Why a frame has a pose, or has none.
+
+    Examples
+    --------
+    >>> lmmap.Status("no_ring") == "no_ring"
+    True
+    """
 
     OK = "ok"
     NO_RING = "no_ring"  # too few active pixels (gamma_S of the paper)
@@ -69,6 +75,12 @@ class Estimate:
     markers_off_px : float or None
         How far the markers lie from where the port has them and no pose can bring them, in the networks'
         pixels; None without a refined pose.
+
+    Examples
+    --------
+    >>> e = lmmap.Estimate(8000, lmmap.Status.NO_RING)
+    >>> e.T_cam_port is None, e.confidence
+    (True, 0.0)
     """
 
     t_us: int

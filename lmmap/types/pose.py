@@ -14,7 +14,18 @@ from .checks import check_fields, checked, frozen_times
 
 @dataclass(frozen=True)
 class Pose:
-    """Rigid transforms ``T_a_b``: ``rotation (..., 3, 3)`` and ``position_m (..., 3)``."""
+    """Rigid transforms ``T_a_b``: ``rotation (..., 3, 3)`` and ``position_m (..., 3)``.
+
+    Examples
+    --------
+    A transform takes points from frame b to frame a, and undoes itself with its inverse:
+
+    >>> T_cam_port = lmmap.Pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.6])
+    >>> T_cam_port @ np.array([0.1, 0.0, 0.0])
+    array([0.1, 0. , 0.6])
+    >>> (T_cam_port @ T_cam_port.inverse).position_m
+    array([0., 0., 0.])
+    """
 
     rotation: np.ndarray
     position_m: np.ndarray
@@ -63,6 +74,12 @@ class Trajectory:
 
     Which frames, its holder says: of a recording's truth and of estimates it is ``T_cam_port``, of an arm
     ``T_root_tip``.
+
+    Examples
+    --------
+    >>> T = lmmap.Pose(np.tile(np.eye(3), (2, 1, 1)), [[0.0, 0.0, 0.6], [0.1, 0.0, 0.6]])
+    >>> lmmap.Trajectory([0, 100_000], T).at(25_000).position_m
+    array([0.025, 0.   , 0.6  ])
     """
 
     t_us: np.ndarray

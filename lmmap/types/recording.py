@@ -19,7 +19,16 @@ CHUNK_EVENTS = 1_000_000
 @dataclass(frozen=True)
 class Recording:
     """One camera's recording: ``events (M,) EVENT`` sorted by time, ``frames (N, H, W, 3)`` u8 RGB at
-    ``frames_t_us (N,)`` (middle of the exposure), and the true trajectory where it is known."""
+    ``frames_t_us (N,)`` (middle of the exposure), and the true trajectory where it is known.
+
+    Examples
+    --------
+    >>> frames = np.zeros((2, 260, 346, 3), np.uint8)
+    >>> events = np.zeros(0, EVENT)
+    >>> recording = lmmap.Recording("dark", lmmap.Camera.davis346(), events, frames, [0, 50_000])
+    >>> [t_us for t_us, frame in recording.timed_frames()]
+    [0, 50000]
+    """
 
     name: str
     camera: Camera
