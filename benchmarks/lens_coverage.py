@@ -19,10 +19,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pandas as pd
-from lmmap.recordings.sensors import assumed
 from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.port import ideal_masks, in_view
+from lmmap.recordings.webcam import assumed
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.rig.lens import INFLATION, fit_lens

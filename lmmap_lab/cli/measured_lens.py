@@ -7,11 +7,10 @@ import math
 import warnings
 from dataclasses import replace
 
-from lmmap.recordings.sensors import assumed
-
 from lmmap.cli.inputs import leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
+from lmmap.recordings.webcam import assumed
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
 

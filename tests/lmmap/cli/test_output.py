@@ -8,7 +8,8 @@ import warnings
 import drawn
 import pytest
 
-from lmmap.cli import main, plugins
+from lmmap import plugins
+from lmmap.cli import main
 from lmmap.shipped import ROOT
 from lmmap.types import InputError
 

@@ -51,7 +51,7 @@ def test_a_folder_of_pictures_has_the_rate_that_is_given(tmp_path):
 @pytest.mark.parametrize("fps", [0, -1, np.nan, np.inf])
 def test_rates_that_are_none(tmp_path, fps):
     cv2.imwrite(str(tmp_path / "0.png"), some_picture())
-    with pytest.raises(InputError, match=r"pictures per second.*;"):
+    with pytest.raises(InputError, match="pictures per second"):
         open_recording(tmp_path, CAMERA, fps=fps)
 
 
