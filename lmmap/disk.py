@@ -89,7 +89,7 @@ def lock(path, kind: str = "lock") -> Iterator[None]:
     try:
         import fcntl
     except ImportError:  # Windows has no such locks
-        fcntl = None
+        fcntl = None  # type: ignore[assignment]
     if fcntl is None or is_special(path):
         yield
         return

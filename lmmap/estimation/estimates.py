@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future
 from functools import partial
 from itertools import repeat
 
@@ -22,7 +23,7 @@ def estimate_image(estimator: ImageEstimator, timed: TimedImage) -> tuple[np.nda
     and of the image whose pose it is."""
     t_us, image = timed.wider or (None, None)
     estimate = estimator(timed.image, timed.t_us, **({"wider": timed.wider} if timed.wider else {}))
-    return image if estimate.t_us == t_us else timed.image, estimate
+    return timed.image if image is None or estimate.t_us != t_us else image, estimate
 
 
 def estimate_images(timed: Iterable[TimedImage], estimator: ImageEstimator) -> Iterator[tuple]:
@@ -36,7 +37,8 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
     On two cores that is faster than two threads on one image, because the numpy half runs on one thread.  An
     `InputError` among the images is raised after the values of those before it.
     """
-    waiting, end, timed = deque(), None, iter(timed)
+    waiting: deque[Future] = deque()
+    end, timed = None, iter(timed)
     with workers(torch.get_num_threads()) as pool:
         while waiting or not end:
             try:

@@ -116,5 +116,5 @@ def newest_images(
             continue
         skipped, fresh = fresh // count - 1, 0
         first, *wider = window_histograms(recent, count, device.size_px, before_us, factor)
-        yield LiveImage(*first, int(recent["t_us"][-1]), skipped, *wider)
-        before_us = first[0]
+        before_us, image = first
+        yield LiveImage(before_us, image, int(recent["t_us"][-1]), skipped, *wider)

@@ -36,7 +36,8 @@ def track_between(
     events, first_us, last_us = _Events(chunks), None, None
     for shot in _in_order(timed):
         first_us, last_us = (shot.t_us, shot.t_us) if first_us is None else (first_us, last_us)
-        answers = []
+        assert last_us is not None  # as there is a first
+        answers: list[tuple[np.ndarray | None, Estimate]] = []
         for t_us in _ticks(first_us, last_us, shot.t_us, rate_hz):
             events.tell(tracker, t_us)
             if (e := tracker.at(t_us)).T_cam_port is None:
@@ -52,7 +53,8 @@ class _Events:
     """The events of a stream, told to a tracker as its time goes on."""
 
     def __init__(self, chunks: Iterable[np.ndarray]):
-        self._chunks, self._held = iter(chunks), np.zeros(0, EVENT)
+        self._chunks = iter(chunks)
+        self._held: np.ndarray | None = np.zeros(0, EVENT)
 
     def tell(self, tracker: Tracker, until_us: int) -> None:
         """Those before a time."""

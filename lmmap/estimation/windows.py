@@ -76,7 +76,7 @@ def _images(after_us: np.ndarray, rate_hz: float) -> int:
     per_us = rate_hz / 1e6
     if (bound := int((after_us[-1] - after_us[0]) * per_us) + 1) <= FEW:
         return bound
-    return np.count_nonzero(np.diff(np.floor(after_us * per_us)))
+    return int(np.count_nonzero(np.diff(np.floor(after_us * per_us))))
 
 
 def _first_tick_after(elapsed_us: int, tick: int, rate_hz: float) -> int:
