@@ -1,0 +1,5 @@
+"""The name that programs written for 0.1 import: `Estimator` itself asks networks that learned a place."""
+
+from .estimator import Estimator as estimator_of
+
+__all__ = ["estimator_of"]
