@@ -19,7 +19,7 @@ from lmmap.recordings.units import microseconds
 from lmmap.types import event_array
 
 from . import prophesee
-from .calibrations import stated_size
+from .camera_fields import stated_size
 from .units import RUN, Guessed
 
 # of one camera each: DSEC's and ours, M3ED's, MVSEC's

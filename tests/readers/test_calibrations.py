@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lmmap.types import Camera, InputError
-from lmmap_readers.calibrations import COLMAP, LENSES
+from lmmap_readers.calibrations import COLMAP
+from lmmap_readers.camera_fields import LENSES
 
 K = "[226.5, 0., 173.25, 0., 227.5, 133.75, 0., 0., 1.]"
 OPENCV = """%YAML:1.0
