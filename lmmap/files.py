@@ -124,8 +124,9 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
         raise InputError(f"{path}: cannot write there; choose a folder that you may write")
     if is_special(path):
         return path
-    with writes(path), suppress(FileNotFoundError):
-        os.lstat(part_of(path))  # a name that is too long
+    for name in (path, part_of(path)):  # links in a circle, and names that are too long
+        with writes(path), suppress(FileNotFoundError):
+            os.stat(name)
     for source in map(Path, filter(None, inputs)):
         within = os.path.isdir(source) and there and folder.samefile(source)
         if within or os.path.realpath(path) == os.path.realpath(source):

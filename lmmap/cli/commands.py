@@ -61,6 +61,13 @@ class Parser(argparse.ArgumentParser):
         self.register("type", None, _text)
         self.register("type", Path, lambda text: Path(_text(text)))
 
+    def _get_values(self, action, words: list[str]):
+        if action.nargs == argparse.PARSER:  # a subcommand's: its own parser looks for what is empty
+            action.type = str
+        if action.option_strings and "--" in words:  # argparse would take it away
+            raise argparse.ArgumentError(action, "is --; give a value")
+        return super()._get_values(action, words)
+
     def error(self, message: str):
         """Print what is wrong, and exit."""
         self.exit(2, f"{self.prog}: {' '.join(message.split())}; see {self.prog} --help\n")

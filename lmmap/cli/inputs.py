@@ -70,7 +70,9 @@ def pose_bag(a):
     if a.output.suffix.lower() in POSE_BAGS:
         return plugins.needed("poses", a.output)(a.output, **named)
     if named:
-        raise InputError(f"{a.output}: frames have names in bags only; name it .bag or .mcap")
+        left = " and ".join("--" + name.replace("_", "-") for name in named)
+        text = f"frames have names in bags only; name it .bag or .mcap, or leave {left} out"
+        raise InputError(f"{a.output}: {text}")
     return None
 
 

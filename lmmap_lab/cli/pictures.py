@@ -42,8 +42,7 @@ def pictures(a) -> None:
                 panels.append(_panel(look, port, picture.shape[0]))
                 print(_line(name, modality, gap, look, picture.shape[1::-1]), flush=True)
             with atomic(path) as part:
-                if not cv2.imwrite(str(part), np.hstack(panels)[..., ::-1]):
-                    raise OSError("OpenCV wrote nothing")
+                part.write_bytes(cv2.imencode(".png", np.hstack(panels)[..., ::-1])[1])
 
 
 def _panel(look, port: Port, height_px: int) -> np.ndarray:

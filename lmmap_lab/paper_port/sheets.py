@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -41,8 +42,8 @@ def write_sheets(path: Path, port: Port, paper: str, name: str, scale: float) ->
         Printed on each sheet: the file of the unscaled port, and what it was scaled by.
 
     """
-    size_mm = np.array(PAPERS_MM[paper])
-    with PdfPages(path, metadata={"Title": f"lmmap: {name}", "CreationDate": None}) as pdf:
+    size_mm, whole = np.array(PAPERS_MM[paper]), BytesIO()  # on a full disk matplotlib goes on, and trips
+    with PdfPages(whole, metadata={"Title": f"lmmap: {name}", "CreationDate": None}) as pdf:
         for number, draw in enumerate((_ring_sheet, _plate_sheet), 1):
             figure = Figure(figsize=size_mm / 25.4, facecolor="none")
             ax = figure.add_axes((0, 0, 1, 1))
@@ -54,6 +55,7 @@ def write_sheets(path: Path, port: Port, paper: str, name: str, scale: float) ->
                 f"sheet {number} of 2   port: {name}   scale {scale:g}   {paper}   lmmap {version('lmmap')}",
             )
             pdf.savefig(figure)
+    path.write_bytes(whole.getvalue())
 
 
 def check(path: Path, port: Port, paper: str, scale: float) -> None:
