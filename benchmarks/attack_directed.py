@@ -16,6 +16,11 @@ import lz4.frame
 import numpy as np
 from backports import zstd
 
+SUFFIXES = (
+    *(".aedat4", ".bag", ".h5", ".txt", ".avi", ".mcap", ".db3", ".raw", ".dat", ".es", ".csv", ".npy"),
+    ".png",
+)
+
 
 def directed_files(folder: Path) -> dict[str, Path]:
     """Files that each break one promise of their format."""
@@ -25,21 +30,7 @@ def directed_files(folder: Path) -> dict[str, Path]:
         files[name] = folder / name
         files[name].write_bytes(content)
 
-    for suffix in (
-        ".aedat4",
-        ".bag",
-        ".h5",
-        ".txt",
-        ".avi",
-        ".mcap",
-        ".db3",
-        ".raw",
-        ".dat",
-        ".es",
-        ".csv",
-        ".npy",
-        ".png",
-    ):
+    for suffix in SUFFIXES:
         files[f"fifo{suffix}"] = folder / f"fifo{suffix}"
         os.mkfifo(files[f"fifo{suffix}"])
         files[f"zero{suffix}"] = folder / f"zero{suffix}"
@@ -132,48 +123,28 @@ def _directed_hdf5(files: dict, folder: Path) -> None:
 def _directed_bags(files: dict, folder: Path) -> None:
     """Bags whose one chunk inflates to more than is allowed, or says that it does."""
 
-    def field(name: bytes, value: bytes) -> bytes:
-        return struct.pack("<I", len(name) + 1 + len(value)) + name + b"=" + value
+    def fields(**values: bytes) -> bytes:
+        pairs = (name.encode() + b"=" + value for name, value in values.items())
+        return b"".join(struct.pack("<I", len(pair)) + pair for pair in pairs)
 
-    def record(fields: bytes, data: bytes) -> bytes:
-        return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(data)) + data
+    def record(data: bytes, **values: bytes) -> bytes:
+        head = fields(**values)
+        return struct.pack("<I", len(head)) + head + struct.pack("<I", len(data)) + data
 
     packer = bz2.BZ2Compressor(9)
     bomb = b"".join(packer.compress(bytes(2**24)) for _ in range(17)) + packer.flush()
-    for name, content, size in (("bomb.bag", bomb, 1000), ("promise.bag", bomb, 2**32 - 1)):
-        head = field(b"op", b"\x05") + field(b"compression", b"bz2") + field(b"size", struct.pack("<I", size))
-        chunk = record(head, content)
-        at = 13 + 4096
-        index = record(
-            field(b"op", b"\x04")
-            + field(b"ver", struct.pack("<I", 1))
-            + field(b"conn", bytes(4))
-            + field(b"count", struct.pack("<I", 1)),
-            struct.pack("<III", 1, 0, 0),
-        )
-        connection = record(
-            field(b"op", b"\x07") + field(b"conn", bytes(4)) + field(b"topic", b"/dvs/events"),
-            field(b"topic", b"/dvs/events")
-            + field(b"type", b"dvs_msgs/EventArray")
-            + field(b"md5sum", b"*")
-            + field(b"message_definition", b"Header header\n"),
-        )
-        info = record(
-            field(b"op", b"\x06")
-            + field(b"ver", struct.pack("<I", 1))
-            + field(b"chunk_pos", struct.pack("<Q", at))
-            + field(b"start_time", bytes(8))
-            + field(b"end_time", bytes(8))
-            + field(b"count", struct.pack("<I", 1)),
-            struct.pack("<II", 0, 1),
-        )
-        fields = (
-            field(b"op", b"\x03")
-            + field(b"index_pos", struct.pack("<Q", at + len(chunk) + len(index)))
-            + field(b"conn_count", struct.pack("<I", 1))
-            + field(b"chunk_count", struct.pack("<I", 1))
-        )
-        header = record(fields, b" " * (4096 - 8 - len(fields)))
+    at, one = 13 + 4096, struct.pack("<I", 1)
+    for name, size in (("bomb.bag", 1000), ("promise.bag", 2**32 - 1)):
+        chunk = record(bomb, op=b"\x05", compression=b"bz2", size=struct.pack("<I", size))
+        index = record(struct.pack("<III", 1, 0, 0), op=b"\x04", ver=one, conn=bytes(4), count=one)
+        about = {"topic": b"/dvs/events", "type": b"dvs_msgs/EventArray", "md5sum": b"*"}
+        about = fields(**about, message_definition=b"Header header\n")
+        connection = record(about, op=b"\x07", conn=bytes(4), topic=b"/dvs/events")
+        info = record(struct.pack("<II", 0, 1), op=b"\x06", ver=one, chunk_pos=struct.pack("<Q", at),
+                      start_time=bytes(8), end_time=bytes(8), count=one)  # fmt: skip
+        head = {"op": b"\x03", "index_pos": struct.pack("<Q", at + len(chunk) + len(index))}
+        head |= {"conn_count": one, "chunk_count": one}
+        header = record(b" " * (4096 - 8 - len(fields(**head))), **head)
         files[name] = folder / name
         files[name].write_bytes(b"#ROSBAG V2.0\n" + header + chunk + index + connection + info)
 
@@ -181,36 +152,30 @@ def _directed_bags(files: dict, folder: Path) -> None:
 def _directed_ros2(files: dict, folder: Path) -> None:
     """Chunks, messages, files and columns that unpack to gigabytes, or an index that names a chunk often."""
     zeros = bytes(2**24)
-    bombs = {"lz4": lz4.frame.LZ4FrameCompressor(), "zstd": zstd.ZstdCompressor()}
-    bombs["lz4"] = (
-        bombs["lz4"].begin()
-        + b"".join(bombs["lz4"].compress(zeros) for _ in range(128))
-        + bombs["lz4"].flush()
-    )
-    bombs["zstd"] = b"".join(bombs["zstd"].compress(zeros) for _ in range(128)) + bombs["zstd"].flush()
+    lz4_packer, zstd_packer = lz4.frame.LZ4FrameCompressor(), zstd.ZstdCompressor()
+    bombs = {
+        "lz4": b"".join([lz4_packer.begin(), *(lz4_packer.compress(zeros) for _ in range(128))]),
+        "zstd": b"".join(zstd_packer.compress(zeros) for _ in range(128)) + zstd_packer.flush(),
+    }
+    bombs["lz4"] += lz4_packer.flush()
     for kind, bomb in bombs.items():
         for name, size in (("lie", 1000), ("promise", 2**31), ("absurd", 2**62)):
             files[f"{name}-{kind}.mcap"] = folder / f"{name}-{kind}.mcap"
             files[f"{name}-{kind}.mcap"].write_bytes(_mcap(bomb, kind, size))
     files["repeated.mcap"] = folder / "repeated.mcap"
     files["repeated.mcap"].write_bytes(_mcap(zstd.compress(bytes(2**27)), "zstd", 2**27, 500))
-    for name, mode, content in (
-        ("packed file", "FILE", bombs["zstd"]),
-        (
-            "packed messages",
-            "MESSAGE",
-            _mcap(
-                b"\x05" + struct.pack("<QHIQQ", 22 + len(bombs["zstd"]), 1, 0, 1, 1) + bombs["zstd"],
-                "",
-                31 + len(bombs["zstd"]),
-            ),
-        ),
-    ):
+    size = len(bombs["zstd"])
+    message = b"\x05" + struct.pack("<QHIQQ", 22 + size, 1, 0, 1, 1) + bombs["zstd"]
+    packed = {
+        "packed file": ("FILE", bombs["zstd"]),
+        "packed messages": ("MESSAGE", _mcap(message, "", 31 + size)),
+    }
+    for name, (mode, content) in packed.items():
         bag = files[name] = folder / name.replace(" ", "-")
         bag.mkdir()
-        packed = ".zstd" if mode == "FILE" else ""
-        (bag / f"b.mcap{packed}").write_bytes(content)
-        (bag / "metadata.yaml").write_text(_METADATA.format(mode=mode, name=f"b.mcap{packed}"))
+        inside = "b.mcap.zstd" if mode == "FILE" else "b.mcap"
+        (bag / inside).write_bytes(content)
+        (bag / "metadata.yaml").write_text(_METADATA.format(mode=mode, name=inside))
     bag = files["aliases"] = folder / "aliases"
     bag.mkdir()
     levels = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))

@@ -5,28 +5,9 @@ from __future__ import annotations
 import struct
 
 NUMBERS = (0, 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63 - 1, 2**64 - 1)
-TOKENS = (
-    "",
-    "nan",
-    "inf",
-    "-1",
-    "1e300",
-    "9.9e300",
-    "1e-300",
-    "9" * 400,
-    "9223372036854775808",
-    "true",
-    "null",
-    "[]",
-    "{}",
-    '"text"',
-    "346.5",
-    "\x00",
-    "é",
-    "1 2 3 4 5 6 7 8 9",
-    "&a [*a]",
-    "-9223372036854775808",
-)
+TOKENS = ("", "nan", "inf", "-1", "1e300", "9.9e300", "1e-300", "9" * 400, "9223372036854775808", "true",
+          "null", "[]", "{}", '"text"', "346.5", "\x00", "é", "1 2 3 4 5 6 7 8 9", "&a [*a]",
+          "-9223372036854775808")  # fmt: skip
 
 
 def mutated(whole: bytes, rng, text: bool) -> tuple[str, bytes]:
@@ -52,10 +33,8 @@ def mutated(whole: bytes, rng, text: bool) -> tuple[str, bytes]:
         content[at:at] = content[at : at + int(rng.integers(1, 5000))]
     else:
         other, size = int(rng.integers(len(whole))), int(rng.integers(1, 500))
-        content[at : at + size], content[other : other + size] = (
-            content[other : other + size],
-            content[at : at + size],
-        )
+        one, two = content[at : at + size], content[other : other + size]
+        content[at : at + size], content[other : other + size] = two, one
     return kind, bytes(content)
 
 
@@ -66,11 +45,8 @@ def _mutated_text(whole: str, rng) -> tuple[str, bytes]:
     kind = ("token", "token", "token", "lost line", "line twice", "nested")[rng.integers(6)]
     if kind == "token":
         separators = ", :[]{}\n"
-        places = [
-            i
-            for i, c in enumerate(lines[k])
-            if c not in separators and (i == 0 or lines[k][i - 1] in separators)
-        ]
+        before = separators[0] + lines[k]
+        places = [i for i, c in enumerate(lines[k]) if c not in separators and before[i] in separators]
         start = places[rng.integers(len(places))] if places else 0
         stop = next((i for i in range(start, len(lines[k])) if lines[k][i] in separators), len(lines[k]))
         lines[k] = lines[k][:start] + TOKENS[rng.integers(len(TOKENS))] + lines[k][stop:]

@@ -1,19 +1,36 @@
-"""A sound laboratory, which the attack suite damages: a bag whose arm moves the port before the camera, the
-hand-eye file that says where the camera stands, and the rig."""
+"""The folder that the attack suite damages: a recording in every format, a sound laboratory, whose arm moves
+the port before the camera, a board, a training set, and what commands make of them."""
 
 from __future__ import annotations
 
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
+import attack_calls
+import attack_sound
+import drawn
 import numpy as np
+import toy_training
 from scipy.spatial.transform import Rotation
 
-from lmmap.types import EVENT, Camera, Port, Pose, Recording
-from lmmap_lab.bench import laboratory, optics, renderer, rosbag_writer
+from lmmap.cli.main import main
+from lmmap.types import EVENT, Camera, Pose, Recording, Trajectory
+from lmmap_lab.bench import rosbag_writer
 from lmmap_lab.rig import standin, tf, ur5e
+from lmmap_lab.rig.standin import simulate_checkerboard  # as it is, not as `attack_calls.stub` leaves it
 
-CAMERA = Camera(128, 96, 324.0, 324.0, 63.5, 47.5)
-IMAGES, STEP_US = 26, 100_000  # a calibration needs 20 detections
+CAMERA, BOARD_CAMERA = Camera(128, 96, 324.0, 324.0, 63.5, 47.5), Camera(346, 260, 330.0, 328.0, 170.0, 131.0)
+IMAGES, SHORT, STEP_US = 26, 4, 100_000  # a calibration needs 20 detections
+MADE = """
+estimate r.h5 --modality rgb -o poses.csv
+estimate r.h5 --modality rgb -o poses.tum
+estimate r.h5 --modality rgb -o poses.bag
+draw r.h5 poses.csv --modality rgb -o drawn.mp4
+adapt r.h5 --modality rgb --steps 2 -o adapted
+simulate --sequence realistic-7 --seconds 0.2 --camera small.json -o simulated.h5
+"""
 
 
 def motion(count: int) -> Pose:
@@ -27,30 +44,39 @@ def motion(count: int) -> Pose:
 
 
 def recording(rng) -> Recording:
-    """Rendered frames of `motion`, and events at random."""
-    seq, port = laboratory.sequence("realistic-1"), Port.lm_map()
-    solid, skin = laboratory.panel(seq, port)
-    lamps, rays = laboratory.lamps(seq), renderer.ray_grid(CAMERA, 1)
-    backdrop = laboratory.backdrop(seq, CAMERA, lamps.intensity[:, 0].sum())
-    frames = [
-        optics.expose(optics.apply_lens(radiance, 0.6), laboratory.GAIN, rng)
-        for T in motion(IMAGES)
-        for radiance in [renderer.render(solid, skin, lamps, T, rays, backdrop)[0]]
-    ]
+    """Drawn frames of `motion`, and events at random."""
     e = np.zeros(4000, EVENT)
     e["t_us"] = np.sort(rng.integers(0, IMAGES * STEP_US, len(e)))
     e["x"], e["y"] = rng.integers(0, 128, len(e)), rng.integers(0, 96, len(e))
-    return Recording("rig", CAMERA, e, np.array(frames), STEP_US * np.arange(IMAGES))
+    track = Trajectory(STEP_US // 4 * np.arange(4 * IMAGES - 3), motion(4 * IMAGES - 3))
+    frames = np.array([drawn.frame(T, rng, CAMERA) for T in motion(IMAGES)])
+    return Recording("rig", CAMERA, e, frames, STEP_US * np.arange(IMAGES), track)
 
 
-def write(folder: Path, rng) -> dict[str, Path]:
-    """The bag, its camera, the hand-eye file and the rig, in a folder of their own."""
-    folder = folder / "rig"
-    folder.mkdir()
-    r, path = standin.shift_time(recording(rng), standin.START_US), folder / "normal__train.bag"
+def write(folder: Path, rng) -> None:
+    """All of it, in a folder that is there."""
+    whole = standin.shift_time(recording(rng), standin.START_US)
+    rig = folder / "rig"
+    rig.mkdir()
     joints = ur5e.follow(standin.arm_poses(motion(IMAGES)))
-    rosbag_writer.write(r, path, tf.arm_messages(r.frames_t_us, joints), calibrated=False)
-    CAMERA.save(path.with_suffix(".camera.json"))
-    standin.write_hand_eye(folder / "hand-eye.yaml")
-    standin.RIG.save(folder / "rig.json")
-    return {"rig.bag": path, "hand-eye.yaml": folder / "hand-eye.yaml", "rig.json": folder / "rig.json"}
+    messages = tf.arm_messages(whole.frames_t_us, joints)
+    rosbag_writer.write(whole, rig / "normal__train.bag", messages, calibrated=False)
+    CAMERA.save(rig / "normal__train.camera.json")
+    standin.write_hand_eye(rig / "hand-eye.yaml")
+    standin.RIG.save(rig / "rig.json")
+    e = whole.events[whole.events["t_us"] < whole.frames_t_us[SHORT]]
+    short = replace(
+        whole, name="r", events=e, frames=whole.frames[:SHORT], frames_t_us=whole.frames_t_us[:SHORT]
+    )
+    attack_sound.sound_files(folder, rng, short)
+    attack_calls.SMALL.save(folder / "small.json")
+    board = simulate_checkerboard(BOARD_CAMERA)
+    rosbag_writer.write(board, folder / "board.bag", (), calibrated=False)
+    BOARD_CAMERA.save(folder / "board.json")
+    toy_training.write_samples(folder / "derived" / "training", rng)
+    (folder / "one").mkdir()
+    (folder / "one" / "0.png").write_bytes((folder / "pictures" / "0.png").read_bytes())
+    with chdir(folder), redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        for line in MADE.strip().splitlines():
+            if code := main(line.split()):
+                raise SystemExit(f"{line}: exit {code}")

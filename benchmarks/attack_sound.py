@@ -32,10 +32,9 @@ def recording(rng) -> Recording:
     return Recording("r", CAMERA, e, rng.integers(0, 256, (4, 48, 64, 3), np.uint8), frames_us, track)
 
 
-def sound_files(folder: Path, rng) -> dict[str, Path]:
-    """A file (or folder) of each format that is attacked, those of a laboratory apart (`attack_rig`)."""
-    r = recording(rng)
-    files = {}
+def sound_files(folder: Path, rng, r: Recording | None = None) -> dict[str, Path]:
+    """A recording, by default at random, as a file or folder of each format, and what is read besides."""
+    r, files = r or recording(rng), {}
     for suffix in (s for s in WRITERS if s != ".hdf5"):
         write_recording(r, folder / f"r{suffix}")
         files[suffix] = folder / f"r{suffix}"
@@ -49,25 +48,28 @@ def sound_files(folder: Path, rng) -> dict[str, Path]:
     files["numbered"].mkdir()
     for picture in pictures.glob("*.png"):
         (files["numbered"] / picture.name).write_bytes(picture.read_bytes())
-    video = cv2.VideoWriter(str(folder / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
+    video = cv2.VideoWriter(str(folder / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 20, r.camera.size_px)
     for _, frame in r.timed_frames():
         video.write(frame)
     video.release()
     files[".avi"] = folder / "v.avi"
     files[".png"] = folder / "one.png"
     cv2.imwrite(str(files[".png"]), r.frames[0])
-    CAMERA.save(folder / "camera.json")
+    r.camera.save(folder / "camera.json")
     Port.lm_map().save(folder / "port.json")
     write_trajectory(r.truth, folder / "truth.csv")
     write_trajectory(r.truth, folder / "truth.tum", "tum")
+    width_px, height_px = r.camera.size_px
     (folder / "camera.yaml").write_text(
-        "image_width: 64\nimage_height: 48\ncamera_matrix: {rows: 3, cols: 3, data: [60, 0, 31.5, 0, 60, "
+        f"image_width: {width_px}\nimage_height: {height_px}\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [60, 0, 31.5, 0, 60, "
         "23.5, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, data: "
         "[0.1, -0.2, 0.001, 0.002, 0.03]}\n"
     )
     (folder / "camchain.yaml").write_text(
         "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, -0.2, 0.001, 0.002]\n"
-        "  distortion_model: radtan\n  intrinsics: [60.0, 61.0, 31.5, 23.5]\n  resolution: [64, 48]\n"
+        "  distortion_model: radtan\n  intrinsics: [60.0, 61.0, 31.5, 23.5]\n"
+        f"  resolution: [{width_px}, {height_px}]\n"
     )
     names = ("camera.json", "camera.yaml", "camchain.yaml", "port.json", "truth.csv", "truth.tum")
     files |= {name: folder / name for name in names}
@@ -96,9 +98,13 @@ def _foreign_files(folder: Path, r: Recording) -> dict[str, Path]:
         columns = [r.events[name] for name in ("x", "y", "p", "t_us")]
         kinds = [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")]
         file["CD/events"] = np.rec.fromarrays(columns, dtype=kinds)
-        file.attrs["geometry"] = "64x48"
+        file.attrs["geometry"] = "{}x{}".format(*r.camera.size_px)
     messages = [
-        ("/events", foreign_files.array(r.events[i : i + 500]), int(r.events["t_us"][i]))
+        (
+            "/events",
+            foreign_files.array(r.events[i : i + 500], size_px=r.camera.size_px),
+            int(r.events["t_us"][i]),
+        )
         for i in range(0, len(rows), 500)
     ]
     messages += [("/image", foreign_files.image(frame, t_us), t_us) for t_us, frame in r.timed_frames()]

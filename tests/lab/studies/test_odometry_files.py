@@ -7,7 +7,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from attack_recordings import digests
+from attack_kinds import snapshot
 from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 from test_odometry import track
@@ -108,7 +108,7 @@ def test_export_to_a_place_that_cannot_be_written(tmp_path, mini):
 
 def test_an_export_replaces_nothing_that_it_reads(tmp_path, exported, capsys):
     folder = shutil.copytree(exported, tmp_path / "a")
-    before = digests(folder)
+    before = snapshot(folder)
     for source, extra in (
         (folder / "recording.bag", ()),
         (folder / "rgb", ("--fps", "20", "--camera", folder / "camera.json")),
@@ -118,21 +118,21 @@ def test_an_export_replaces_nothing_that_it_reads(tmp_path, exported, capsys):
         assert main.main([str(a) for a in argv]) == 1
         err = capsys.readouterr().err
         assert "which is read" in err and len(err.splitlines()) == 1
-    assert digests(folder) == before
+    assert snapshot(folder) == before
 
 
 @pytest.mark.parametrize("limit", [30_000, 300_000])
 def test_a_full_disk_leaves_an_old_export_whole(tmp_path, exported, mini, limit):
     """A limit on the size of files stands for the disk: of an image, or of the bag."""
     folder = shutil.copytree(exported, tmp_path / "a")
-    before, hard = digests(tmp_path), resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    before, hard = snapshot(tmp_path), resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
     try:
         with pytest.raises(InputError, match="cannot write"):
             odometry_files.export(mini, folder)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
-    assert digests(tmp_path) == before
+    assert snapshot(tmp_path) == before
 
 
 @pytest.fixture
