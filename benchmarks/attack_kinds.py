@@ -105,7 +105,8 @@ def label(action) -> str:
 
 def names_of(call: Call, action, *values: str) -> list[str]:
     """Words by which a refusal may name an argument, or an option of the call that it does not go with."""
-    said = (word for v in values for word in (" ".join(v.split()), ascii(v)[1:-1], Path(v).name))
+    told = (" ".join(v.split()).encode(errors="backslashreplace").decode() for v in values)
+    said = (word for v in told for word in (v, ascii(v)[1:-1], Path(v).name))
     others = (name for a, _ in call.given for name in a.option_strings)
     return [*action.option_strings, label(action), action.dest, *said, *others]
 

@@ -47,7 +47,9 @@ def simulate(a) -> None:
              path) for name, path in zip(a.sequence, paths, strict=True)]  # fmt: skip
     if a.jobs > 1 or a.scheduler:
         if camera:
-            raise InputError(f"{a.camera}: another camera records one sequence at a time; leave --jobs out")
+            raise InputError(
+                f"{a.camera}: another camera records one sequence at a time; leave --jobs and --scheduler out"
+            )
         for path, events, frames in tqdm(
             record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs), disable=None
         ):
