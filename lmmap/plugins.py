@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from argparse import Namespace
 from collections.abc import Callable
 from functools import cache
 from importlib import metadata
@@ -63,6 +64,6 @@ def call(what: str, function: str, *arguments):
     raise NotInstalled(f"{what}: needs {missing}, which is not installed; {INSTALL}")
 
 
-def refuse(a) -> None:
+def refuse(a: Namespace) -> None:
     """What a command does whose words could not be imported."""
     raise a.reason

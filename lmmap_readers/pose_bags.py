@@ -44,7 +44,8 @@ class PoseBag:
         if frame_id == child_frame_id or not fit:
             raise InputError(f"--frame-id {frame_id!a}, --child-frame-id {child_frame_id!a}: give two names "
                              "that differ, of letters, without spaces and without / in front")  # fmt: skip
-        self.path, self.statuses = check_output(path, overwrite=True), []
+        self.path = self.kept_in = check_output(path, overwrite=True)
+        self.statuses: list[str] = []
         self._names, self._kind, self._held = names, self.path.suffix.lower(), ExitStack()
         self._bag = None
 

@@ -65,7 +65,7 @@ def _estimate(commands: Commands) -> None:
     text = "estimate the port's pose in each frame or histogram of a recording"
     command = commands.add("estimate", "lmmap.cli.estimation:estimate", text, ESTIMATE)
     commands.add_recording(command)
-    _add_estimation(commands, command, required=True, fused=True)
+    _add_estimation(commands, command, required=True)
     text = ("poses to write, each as soon as it is known; in a .bag (ROS 1) or .mcap (ROS 2) those of status "
             "ok, on /tf and as PoseWithCovarianceStamped on /port_pose")  # fmt: skip
     commands.add_output(command, text, required=True)
@@ -104,7 +104,7 @@ def _evaluate(commands: Commands) -> None:
     command = commands.add("evaluate", "lmmap.cli.evaluation:evaluate", text, EVALUATE)
     commands.add_recording(command)
     commands.add_file(command, "--truth", help="CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
-    _add_estimation(commands, command, required=False, fused=True)
+    _add_estimation(commands, command, required=False)
     text = "run the procedure of the paper's text, each camera alone"
     command.add_argument("--as-printed", action="store_true", help=text)
     command.add_argument("--json", action="store_true", help="print JSON")
@@ -122,7 +122,7 @@ def _live(commands: Commands) -> None:
     command = commands.add("live", "lmmap.cli.live:live", text, LIVE)
     text = "recording to play, or a camera: 0, /dev/video0, rtsp://... (default: an attached event camera)"
     commands.add_recording(command, nargs="?", type=camera_or_file, help=text)
-    _add_estimation(commands, command, required=False)
+    _add_estimation(commands, command, required=False, live=True)
     command.set_defaults(modality="rgb")
     command.add_argument("--view", action="store_true", help="show the images in a page on this computer")
     commands.add_output(command, "poses to write as well (CSV, or by the name's end .tum, .bag, .mcap)")
@@ -154,14 +154,15 @@ def _add_flip(command) -> None:
     command.add_argument("--flip", action="append", choices=FLIPS, metavar="[CAMERA:]FLIP", help=text)
 
 
-def _add_estimation(commands: Commands, command, required: bool, fused: bool = False) -> None:
-    choices = (*MODALITIES, "fused") if fused else MODALITIES
+def _add_estimation(commands: Commands, command, required: bool, live: bool = False) -> None:
+    choices = MODALITIES if live else (*MODALITIES, "fused")
     text = "which images to use" if required else "which images to use (default: all)"
     command.add_argument("--modality", choices=choices, required=required, help=text)
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
     _add_flip(command)
-    text = "estimates a second (default: every frame, every N events)"
-    command.add_argument("--rate", type=float, metavar="HZ", help=text)
+    if not live:  # which looks at each newest image
+        text = "estimates a second (default: every frame, every N events)"
+        command.add_argument("--rate", type=float, metavar="HZ", help=text)
     text = "events in a histogram (default: 0.39 for each pixel)"
     command.add_argument("--events", type=int, metavar="N", help=text)
     text = f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)"

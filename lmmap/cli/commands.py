@@ -45,12 +45,6 @@ class _Once(argparse._StoreAction):
         super().__call__(parser, namespace, values, option_string)
 
 
-def _text(text: str) -> str:
-    if not text:
-        raise argparse.ArgumentTypeError("is empty; give a value")
-    return text
-
-
 class Parser(argparse.ArgumentParser):
     """A parser that takes each option once and no empty value; a mistake is one line."""
 
@@ -58,12 +52,10 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **options)
         for name in (None, "store"):
             self.register("action", name, _Once)
-        self.register("type", None, _text)
-        self.register("type", Path, lambda text: Path(_text(text)))
 
     def _get_values(self, action, words: list[str]):
-        if action.nargs == argparse.PARSER:  # a subcommand's: its own parser looks for what is empty
-            action.type = str
+        if "" in words and action.nargs != argparse.PARSER:  # a subcommand's parser looks for it itself
+            raise argparse.ArgumentError(action, "is empty; give a value")
         if action.option_strings and "--" in words:  # argparse would take it away
             raise argparse.ArgumentError(action, "is --; give a value")
         return super()._get_values(action, words)

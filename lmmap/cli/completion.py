@@ -1,10 +1,12 @@
 """What ``lmmap completion`` prints."""
 
+from argparse import Namespace
+
 import shtab
 
 from .arguments import parser
 
 
-def completion(a) -> None:
+def completion(a: Namespace) -> None:
     """The completion script of a shell."""
     print(shtab.complete(parser(shtab.FILE), a.shell))

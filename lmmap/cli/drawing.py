@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import asdict
 
 from .. import plugins
 from ..drawing.overlay import Overlay
 from ..estimation.images import timed_images
 from ..files import check_output
-from ..pipeline.image_estimator import settings_for
 from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
 from ..types import Camera, InputError
-from .inputs import as_read, check_rate, find_port, input_files, open_input
+from .inputs import as_read, find_port, find_settings, input_files, open_input
 from .progress import Bar
 
 
-def draw(a) -> None:
+def draw(a: Namespace) -> None:
     """A video of the estimates, or a file for Rerun, each on the frame or histogram of its time."""
     check_output(a.output, [*input_files(a), a.poses], overwrite=a.overwrite)
-    check_rate("--rate", a.rate, "estimates")
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)
-    shots = timed_images(stream, a.modality, settings_for(stream.camera, a.events), a.rate)
+    shots = timed_images(stream, a.modality, find_settings(a, stream.camera), a.rate)
     view = _view(a, stream.camera)
     try:
         with view as video, Bar(stream, a.modality) as bar:
@@ -43,7 +42,7 @@ def draw(a) -> None:
     print(f"{a.output}: {bar.images} images, {bar.poses} with a pose")
 
 
-def _view(a, camera: Camera):
+def _view(a: Namespace, camera: Camera):
     """What the estimates are drawn on, by the name of the output."""
     port = find_port(a)
     if a.output.suffix.lower() == ".rrd":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from argparse import Namespace
 from contextlib import suppress
 from dataclasses import replace
 
@@ -25,7 +26,7 @@ from .progress import Bar
 DAY_US = 86_400_000_000  # no recording is longer
 
 
-def evaluate(a) -> None:
+def evaluate(a: Namespace) -> None:
     """Print the errors of each camera and of both."""
     if a.as_printed and a.modality == "fused":
         raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
@@ -49,7 +50,7 @@ def evaluate(a) -> None:
         _print_tables(reports, summaries)
 
 
-def _truth(a, stream: Stream) -> Trajectory:
+def _truth(a: Namespace, stream: Stream) -> Trajectory:
     """The truth that is named, or that lies beside the recording, or that the arm of its rig gives."""
     if a.truth:
         return read_truth(a.truth)
@@ -65,7 +66,7 @@ def _truth(a, stream: Stream) -> Trajectory:
     raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
 
 
-def _check_clock(a, stream: Stream) -> None:
+def _check_clock(a: Namespace, stream: Stream) -> None:
     """`InputError` where the truth lies outside the recording's time, before anything is estimated."""
     firsts = [next((int(e["t_us"][0]) for e in stream.chunks() if len(e)), None)]
     starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
@@ -92,7 +93,7 @@ def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimat
     return estimates
 
 
-def _error_tables(a, stream: Stream, estimates: dict, port: Port) -> dict[str, pd.DataFrame]:
+def _error_tables(a: Namespace, stream: Stream, estimates: dict, port: Port) -> dict[str, pd.DataFrame]:
     """Errors (`error_table.errors`) of the modalities with data that the truth covers."""
     asked, data = ([a.modality], f"{a.modality} data") if a.modality else (list(estimates), "data")
     tables = {m: error_table.errors(stream, estimates.get(m, []), port) for m in asked}

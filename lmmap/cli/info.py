@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from argparse import Namespace
 
 from .. import plugins
 from ..pipeline.rescale import is_short, trained_range_m
@@ -22,7 +23,7 @@ UNKNOWN = {
 }
 
 
-def info(a) -> None:
+def info(a: Namespace) -> None:
     """What is in a recording, and its health; faults are counted here and errors elsewhere.
 
     It needs no calibration: without one, only the lens is unknown.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,19 +15,19 @@ from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
-from ..settings import MODALITIES
+from ..settings import MODALITIES, Settings
 from ..tracking.fusion import LEAST_HZ
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS, POSE_BAGS
 
 
-def open_input(a, **options) -> Stream:
+def open_input(a: Namespace, **options) -> Stream:
     """The recording of the command line."""
     stream = open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
     return replace(stream, flips=flips_of(a))
 
 
-def flips_of(a) -> dict[str, str]:
+def flips_of(a: Namespace) -> dict[str, str]:
     """How each camera's images are flipped."""
     flips = {}
     for asked in getattr(a, "flip", None) or ():
@@ -39,22 +40,27 @@ def flips_of(a) -> dict[str, str]:
     return flips
 
 
-def leave_out(a, why: str, *names: str) -> None:
+def leave_out(a: Namespace, why: str, *names: str) -> None:
     """`InputError` for options that were given, and that what is asked for does not use."""
     for name in names:
         if name in getattr(a, "given", ()) or getattr(a, name) is True:
             raise InputError(f"{why}; leave --{name.replace('_', '-')} out")
 
 
-def as_read(a) -> dict:
+def as_read(a: Namespace) -> dict:
     """What else the command line says of how a recording is read: only what it says."""
     named = {name: getattr(a, name, None) for name in ("time_unit", "stream")}
     return {name: value for name, value in named.items() if value is not None}
 
 
-def input_files(a) -> list[Path]:
+def read_from(a: Namespace) -> Path | None:
+    """The recording that is named; None where a camera is, or where a command takes none."""
+    return named if isinstance(named := getattr(a, "recording", None), Path) else None
+
+
+def input_files(a: Namespace) -> list[Path]:
     """Files that a command reads, which no output may replace."""
-    recording = getattr(a, "recording", None)
+    recording = read_from(a)
     endings = (".camera.json", ".truth.csv", ".truth.tum")
     sidecars = [recording.with_suffix(ending) for ending in endings] if recording and recording.name else []
     named = [getattr(a, name, None) for name in ("camera", "port", "truth")]
@@ -62,23 +68,25 @@ def input_files(a) -> list[Path]:
     return [path for path in (recording, *sidecars, *named) if path]
 
 
-def pose_bag(a):
+def pose_bag(a: Namespace):
     """The bag that the output's name asks for; None where it asks for a table."""
-    named = {
-        name: getattr(a, name) for name in ("frame_id", "child_frame_id") if getattr(a, name) is not None
-    }
-    if a.output.suffix.lower() in POSE_BAGS:
+    names = "frame_id", "child_frame_id"
+    if a.output.suffix.lower() in POSE_BAGS and not getattr(a, "format", None):
+        named = {name: getattr(a, name) for name in names if getattr(a, name) is not None}
         return plugins.needed("poses", a.output)(a.output, **named)
-    if named:
-        left = " and ".join("--" + name.replace("_", "-") for name in named)
-        text = f"frames have names in bags only; name it .bag or .mcap, or leave {left} out"
-        raise InputError(f"{a.output}: {text}")
+    leave_out(a, f"{a.output}: frames have names in bags only, in .bag or .mcap", *names)
     return None
 
 
-def network_set(a) -> str:
-    """The set of networks that was asked for, or the default: for the paper's own procedure the paper's."""
-    return a.domain_gap or (PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS)
+def table_format(a: Namespace) -> str:
+    """The format of the output's table, as asked for or by its name."""
+    return getattr(a, "format", None) or ("tum" if a.output.suffix == ".tum" else "csv")
+
+
+def network_set(a: Namespace) -> str:
+    """The networks that were asked for, or the default set: for the paper's own procedure the paper's."""
+    default = PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS
+    return a.weights or a.domain_gap or default
 
 
 def can_be_fused(stream: Stream, needed: bool) -> bool:
@@ -96,17 +104,25 @@ def can_be_fused(stream: Stream, needed: bool) -> bool:
     return not apart
 
 
-def make_estimator(a, camera: Camera, modality: str) -> Estimator | PrintedEstimator:
-    """The estimator of one camera by the command line's arguments."""
-    check_rate("--rate", a.rate, "estimates")
+def make_estimator(
+    a: Namespace, camera: Camera, modality: str, weights: str | Path | None = None
+) -> Estimator | PrintedEstimator:
+    """The estimator of one camera by the command line's arguments; ``weights`` default to those."""
+    kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
+    return kind(camera, find_port(a), modality, weights or network_set(a), find_settings(a, camera))
+
+
+def find_settings(a: Namespace, camera: Camera) -> Settings:
+    """The settings of a camera by the command line's arguments."""
+    check_rate("--rate", getattr(a, "rate", None), "estimates")
+    if a.modality == "rgb":
+        leave_out(a, "--modality rgb: has no histograms", "events")
     if a.events is not None and not 1 <= a.events <= 10**8:
         raise InputError(f"--events {a.events}: give the number of events in a histogram, 1 to 100 million")
-    kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
-    weights, settings = a.weights or network_set(a), settings_for(camera, a.events)
-    return kind(camera, find_port(a), modality, weights, settings)
+    return settings_for(camera, a.events)
 
 
-def check_between(a) -> None:
+def check_between(a: Namespace) -> None:
     """Whether poses between images can be had as often as the command line asks."""
     if a.modality == "rgb":
         raise InputError("--between: events follow the port between images; give another --modality than rgb")
@@ -121,9 +137,9 @@ def check_rate(name: str, rate_hz: float | None, what: str) -> None:
         )
 
 
-def find_port(a) -> Port:
+def find_port(a: Namespace) -> Port:
     """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
-    known = None if a.port else find_rig(a.recording)
+    known = None if a.port else find_rig(read_from(a))
     return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import sys
 import time
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -32,19 +32,23 @@ from .inputs import (
     no_images,
     open_input,
     pose_bag,
+    read_from,
+    table_format,
 )
 from .progress import add_colour, status_colour, summary
 
 
-def live(a) -> None:
+def live(a: Namespace) -> None:
     """Poses as images come, and between them by events."""
     if a.between is not None:
         check_between(a)
     if a.seconds is not None and not 0 < a.seconds < 1e9:
         raise InputError(f"--seconds {a.seconds:g}: give how long to go on, over 0 s, or leave it out")
-    if not isinstance(a.recording, Path):
+    if not read_from(a):
         leave_out(a, "live: no recording is named, so nothing is read by it", "fps", "time_unit", "stream")
-    if a.output:
+    if not a.output:
+        leave_out(a, "live: nothing is written without --output", "frame_id", "child_frame_id", "overwrite")
+    else:
         check_output(a.output, input_files(a), overwrite=a.overwrite)
     device, camera, stream = _open(a)
     estimator = make_estimator(a, camera, a.modality)
@@ -54,10 +58,10 @@ def live(a) -> None:
         raise InputError("live: the camera sent no image; check its cable and its lens cap")
 
 
-def _open(a) -> tuple[object, Camera, Stream | None]:
+def _open(a: Namespace) -> tuple[object, Camera, Stream | None]:
     """The device that was asked for, its camera and, if it is played, its recording."""
     if isinstance(name := a.recording, str):
-        a.recording, device = None, Webcam(name, flips_of(a))
+        device = Webcam(name, flips_of(a))
         camera = load_camera(a.camera, device.size_px) if a.camera else assumed(device.size_px, name)
     elif a.recording:
         stream = open_input(a, checked=False)
@@ -84,13 +88,12 @@ def _view(estimator):
     raise plugins.NotInstalled(f"--view: needs the laboratory of the book; {plugins.INSTALL}")
 
 
-def _estimate_live(a, device, estimator) -> int:
+def _estimate_live(a: Namespace, device, estimator) -> int:
     """Print the track's answers and, however it ends, a summary; the number of images."""
     statuses, late_ms, skipped, last_us, began = [], [], 0, -np.inf, time.monotonic()
     tracker = Tracker(estimator, events=bool(a.between))
-    form = "tum" if a.output and a.output.suffix == ".tum" else "csv"
     with ExitStack() as held:
-        journal = held.enter_context(pose_bag(a) or Journal(a.output, form)) if a.output else None
+        journal = held.enter_context(pose_bag(a) or Journal(a.output, table_format(a))) if a.output else None
         view = held.enter_context(_view(estimator)) if a.view else None
 
         def tell(e: Estimate, newest_us: int) -> float:

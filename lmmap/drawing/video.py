@@ -117,7 +117,7 @@ class Video:
 
 def join(segments: list[Path], path: Path) -> None:
     """Join videos of one codec, size and rate, without encoding them anew."""
-    first = cv2.VideoCapture(str(segments[0]))
+    first = cv2.VideoCapture(str(segments[0]), cv2.CAP_FFMPEG)
     size_px = tuple(int(first.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     rate_hz = first.get(cv2.CAP_PROP_FPS)
     raw = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1, cv2.VIDEOWRITER_PROP_KEY_INTERVAL, NO_INTERVAL]
@@ -143,7 +143,7 @@ def _count(segment: Path) -> int:
 
 def _check_count(path: Path, count: int) -> None:
     """`OSError` unless a written video holds so many pictures; OpenCV is silent on a full disk."""
-    if cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) != count:
+    if cv2.VideoCapture(str(path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FRAME_COUNT) != count:
         raise OSError(errno.ENOSPC, "not all pictures")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
@@ -14,6 +15,10 @@ import torch
 
 from ..pipeline.crops import AT_ONCE, workers
 from ..pipeline.image_estimator import ImageEstimator
+from ..recordings.journal import Journal
+from ..recordings.pose_files import round_trip
+from ..settings import Settings
+from ..tracking.fusion import fuse
 from ..types import AnyRecording, Estimate, InputError, checked
 from .images import TimedImage, timed_images
 
@@ -56,7 +61,7 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
 def estimate(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
-    """Estimates of a whole recording, in the order of time.
+    """Estimates of a whole recording, in the order of time; `in_place`.
 
     Examples
     --------
@@ -66,8 +71,51 @@ def estimate(
     >>> [e.t_us for e in lmmap.estimate(dark, lmmap.Estimator(modality="rgb"))]
     [0, 50000]
     """
+    return (estimate for _, estimate in estimate_rest(recording, estimator, rate_hz, None))
+
+
+def estimate_rest(
+    recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None, journal: Journal | None
+) -> Iterator[tuple[np.ndarray, Estimate]]:
+    """``(image, estimate)`` of a recording's images that are not in the journal yet; `in_place`."""
     timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
-    return (estimate for _, estimate in estimate_images(timed, estimator))
+    left = (shot for shot in timed if journal is None or not journal.has(*shot.times_us))
+    return in_place(estimate_images(left, estimator), estimator.settings)
+
+
+def fuse_rest(
+    recording: AnyRecording, estimators: Mapping[str, ImageEstimator], rate_hz: float | None,
+    journal: Journal, parts: Mapping[str, Journal], name: str,
+) -> Iterator[tuple[None, Estimate]]:  # fmt: skip
+    """``(None, estimate)`` by both cameras that are not in the journal yet.
+
+    Each camera's own estimates go to its journal in ``parts``; those that are there are not made again.
+    """
+
+    def own(modality: str) -> Iterator[Estimate]:
+        yield from parts[modality].done.values()
+        for _, e in estimate_rest(recording, estimators[modality], rate_hz, parts[modality]):
+            parts[modality].add(e)
+            yield round_trip(e)
+
+    each = merge_by_time({m: own(m) for m in estimators})
+    fused = fuse(each, estimators["rgb"].port.yaw_period_rad, rate_hz, name=name)
+    return ((None, e) for e in fused if not journal.has(e.t_us))
+
+
+def in_place(answers: Iterable[tuple], settings: Settings) -> Iterator[tuple]:
+    """``(image, estimate)`` as they come; a warning at the end if in most poses the markers are not where the
+    port has them."""
+    off_px = []
+    try:
+        for image, e in answers:
+            if e.markers_off_px is not None:
+                off_px.append(e.markers_off_px)
+            yield image, e
+    finally:
+        if len(off_px) >= settings.port_off_poses and np.median(off_px) > settings.port_off_px:
+            text = f"the markers lie {np.median(off_px):.1f} px from where the port has them"
+            warnings.warn(f"{text}: measure the port with lmmap calibrate --port", stacklevel=2)
 
 
 def merge_by_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:

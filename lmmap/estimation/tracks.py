@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import heapq
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from ..pipeline.estimator import Estimator
+from ..tracking.discord import in_accord
 from ..tracking.tracker import Tracker
-from ..types import EVENT, Estimate
-from .images import TimedImage
+from ..types import EVENT, AnyRecording, Estimate
+from .estimates import in_place
+from .images import TimedImage, timed_images
+
+
+def track(
+    recording: AnyRecording, estimators: Mapping[str, Estimator], rate_hz: float | None,
+    between_hz: float | None, name: str,
+) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
+    """`track_images` of a recording or, with ``between_hz``, `track_between`, by all estimators; `in_accord`,
+    whose warning begins with ``name``, and `in_place`."""
+    shots = [timed_images(recording, m, e.settings, rate_hz) for m, e in estimators.items()]
+    timed = heapq.merge(*shots, key=lambda shot: shot.t_us)
+    tracker = Tracker(*estimators.values(), events=bool(between_hz))
+    if between_hz:
+        answers = track_between(timed, tracker, recording.chunks(), between_hz)
+    else:
+        answers = track_images(timed, tracker)
+    settings = next(iter(estimators.values())).settings
+    return in_place(in_accord(answers, tracker.discord, name), settings)
 
 
 def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tuple[np.ndarray, Estimate]]:

@@ -9,28 +9,37 @@ import os
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from ..files import atomic, check_output, is_special, lock, open_special
+from ..files import check_output, is_special, lock, open_special, write_text, writes
 from ..marks import as_mark, check_mark
 from ..types import Estimate, InputError, Status
 from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
 
+PART = ".lmmap-part"  # how the name of an unfinished file ends
 ENDS_BYTES = 2**20  # of a recording, at both ends, by which it is known again
 
 
 class Journal:
     """Estimates on disk one by one, as ``csv`` (`read_estimates`) or ``tum`` (`read_trajectory`).
 
-    Use it in a ``with`` block, which keeps other processes from the same file.  A file that is not resumed is
-    replaced when the first estimate comes, not before.
+    Use it in a ``with`` block, which keeps other processes from the same file.  A file that is not resumed
+    stays until the block ends without an error; until then the estimates are in ``NAME.lmmap-part``, where a
+    run that resumes goes on.
 
     Parameters
     ----------
     made_of
-        What the estimates depend on, kept beside them as ``NAME.made-of``.  Only a file that was made of the
-        same is resumed.  None: the caller knows it by other means.
+        What the estimates depend on, kept beside them in a file whose name ends in ``.made-of``.  Only what
+        was made of the same is resumed.  None: the caller knows it by other means.
     resume
         Go on with a file that is there: ``done_us`` are the times of its estimates (``tum`` holds poses
         only), ``done`` the estimates by their times (``csv``).  A last line that was cut off is dropped.
+
+    Attributes
+    ----------
+    kept_in : Path
+        The file that holds the estimates until the block ends.
+    is_whole : bool
+        Set it to False where estimates are missing, so that an older file stays.
 
     Raises
     ------
@@ -42,6 +51,10 @@ class Journal:
         if format not in ("csv", "tum"):
             raise ValueError(f"format: expected 'csv' or 'tum', got {format!r}")
         self.path, self.format = check_output(path, overwrite=True), format
+        self._target = Path(os.path.realpath(path)) if self.path.is_symlink() else self.path
+        self.kept_in = self._target
+        self._part = self._target.with_name(self._target.name + PART)
+        self.is_whole = True
         self.statuses: list[str] = []
         self.done_us: list[int] = []
         self.done: dict[int, Estimate] = {}
@@ -50,34 +63,28 @@ class Journal:
         self._whole = 0  # bytes of whole lines to go on behind
         self._held = ExitStack()
 
-    @property
-    def mark(self) -> Path:
-        """The file that says what the estimates were made of."""
-        return self.path.with_name(self.path.name + ".made-of")
-
     def _read(self) -> None:
         """Take the times and statuses of the lines that are whole."""
-        content = self.path.read_bytes()
+        content = self.kept_in.read_bytes()
         head = ",".join(COLUMNS).encode() + b"\n"
         if self._made_of is not None:
-            begun = head[: len(content)] if self.format == "csv" else b""
-            if not os.path.exists(self.mark) and content == begun:
-                return  # killed before its mark had its name: no line to lose
-            check_mark(self.path, self.mark, self._made_of)
+            check_mark(self.kept_in, _mark_of(self.kept_in), self._made_of)
         whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
-            raise InputError(f"{self.path}: has other columns than these; delete it, or give another name")
+            raise InputError(f"{self.kept_in}: has other columns than these; delete it, or give another name")
         try:
             text = content[:whole].decode()
         except UnicodeDecodeError:
-            raise InputError(f"{self.path}: is no table of poses; delete it, or give another name") from None
+            raise InputError(
+                f"{self.kept_in}: is no table of poses; delete it, or give another name"
+            ) from None
         if not text.strip():
             return
         if self.format == "tum":
-            self.done_us = parse_trajectory(text, self.path, "tum").t_us.tolist()
+            self.done_us = parse_trajectory(text, self.kept_in, "tum").t_us.tolist()
             self.statuses = ["ok"] * len(self.done_us)
         else:
-            estimates = parse_estimates(text, self.path)
+            estimates = parse_estimates(text, self.kept_in)
             self.done = {e.t_us: e for e in estimates}
             self.done_us, self.statuses = [e.t_us for e in estimates], [str(e.status) for e in estimates]
         self._whole = whole
@@ -119,7 +126,7 @@ class Journal:
     def _open(self) -> None:
         """Drop what is not to be kept, say what the file is made of, and open it for the next line."""
         if self._whole:
-            self._file = self.path.open("r+", newline="")
+            self._file = self.kept_in.open("r+", newline="")
             self._file.truncate(self._whole)
             self._file.seek(self._whole)
             return
@@ -128,20 +135,28 @@ class Journal:
             self._file = io.TextIOWrapper(open_special(self.path), newline="")
             self._file.write(head)
             return
-        # on a full disk what was there stays; and a mark never stands beside another run's lines
-        with ExitStack() as written:
+        # what a run left that was killed goes; and no mark stands beside another run's lines
+        for path in (self._part, _mark_of(self._part), _mark_of(self.kept_in)):
+            path.unlink(missing_ok=True)
+        if self._made_of is not None:
+            write_text(_mark_of(self.kept_in), as_mark(self._made_of))
+        self._file = self.kept_in.open("w", newline="")
+        self._file.write(head)
+
+    def _replace(self) -> None:
+        """Give the estimates the name of the older file, which they replace."""
+        with writes(self.path):
+            _mark_of(self._target).unlink(missing_ok=True)
+            os.replace(self._part, self._target)
             if self._made_of is not None:
-                mark = written.enter_context(atomic(self.mark))
-                mark.write_text(as_mark(self._made_of))
-            with atomic(self.path) as lines:
-                lines.write_text(head)
-                self.mark.unlink(missing_ok=True)
-        self._file = self.path.open("a", newline="")
+                os.replace(_mark_of(self._part), _mark_of(self._target))
 
     def __enter__(self):
         self._held.enter_context(lock(self.path))
         try:
-            if self._resume and self.path.is_file():
+            there = not is_special(self.path) and os.path.exists(self._part if self._resume else self.path)
+            self.kept_in = self._part if there else self._target
+            if self._resume and self.kept_in.is_file():
                 self._read()
         except BaseException:
             self._held.close()
@@ -149,11 +164,19 @@ class Journal:
         self._times = set(self.done_us)
         return self
 
-    def __exit__(self, *_):
-        if self._file is not None:
-            with suppress(OSError):  # said when it was written
-                self._file.close()
-        self._held.close()
+    def __exit__(self, error, *_):
+        with self._held:
+            if self._file is not None:
+                with suppress(OSError):  # said when it was written
+                    self._file.close()
+            begun = self._file is not None or self._whole
+            if self.kept_in == self._part and begun and error is None and self.is_whole:
+                self._replace()
+
+
+def _mark_of(path: Path) -> Path:
+    """The file that says what the estimates in another one were made of."""
+    return path.with_name(path.name + ".made-of")
 
 
 def recording_mark(path) -> dict:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import sys
+from argparse import Namespace
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,9 +16,9 @@ from lmmap.types import InputError
 from ..adaptation.adapt import adapt
 
 
-def run(a) -> None:
+def run(a: Namespace) -> None:
     """A folder of networks."""
-    outcomes = _adapt(a, a.output, a.seconds, steps=a.steps, seed=a.seed)
+    outcomes = _adapt(a, a.output, "seconds", steps=a.steps, seed=a.seed)
     if a.json:
         print(json.dumps({m: asdict(o) for m, o in outcomes.items()}))
     else:
@@ -26,19 +27,21 @@ def run(a) -> None:
         )
 
 
-def for_estimate(a) -> Path:
+def for_estimate(a: Namespace) -> Path:
     """Networks that learned the first part of a recording, in a folder beside the poses."""
     folder = a.output.with_suffix(".networks")
     if folder == a.output:
         raise InputError(f"{a.output}: so the folder of its networks is called; name the poses .csv")
-    _adapt(a, folder, a.adapt)
+    _adapt(a, folder, "adapt")
     return folder
 
 
-def _adapt(a, folder: Path, seconds: float | None, **options):
+def _adapt(a: Namespace, folder: Path, option: str, **options):
+    """Adapt networks by as much of the recording as an option says."""
+    seconds = getattr(a, option)
     if seconds is not None and not 0 < seconds < 1e6:
-        raise InputError(f"{seconds:g} s: give how much of the recording to learn from, over 0 s")
+        raise InputError(f"--{option} {seconds:g}: give the seconds to learn from, over 0 and below 1e6")
     modalities = (a.modality,) if a.modality in MODALITIES else MODALITIES
-    stream, weights = open_input(a), a.weights or network_set(a)
+    stream, weights = open_input(a), network_set(a)
     return adapt(stream, folder, modalities, weights, find_port(a), seconds=seconds,
                  report=lambda line: print(line, file=sys.stderr), **options)  # fmt: skip

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import warnings
+from argparse import Namespace
 from collections import Counter
 from itertools import product
 from pathlib import Path
@@ -33,11 +34,12 @@ from ..training.recipe import FAST, Recipe
 from . import measured_lens, measured_port
 
 
-def dataset(a) -> None:
+def dataset(a: Namespace) -> None:
     """What the data set is, or what of it a folder holds."""
     if a.do and not a.folder:
         raise InputError("dataset check: no folder given; name the one with the bags")
     if not a.do:
+        leave_out(a, "dataset: what the data set is, is a text; without check", "json")
         print(f"The authors' recordings: University of Sydney eScholarship, {authors_bags.HANDLE}")
         print("about 144.5 GB of ROS 1 bags: /dvs/events and /dvs/image_raw (DAVIS 346), /tf "
               "and /joint_states (UR5e)\n")  # fmt: skip
@@ -71,7 +73,7 @@ def dataset(a) -> None:
     print(text, file=sys.stderr if a.json else sys.stdout)
 
 
-def calibrate(a) -> None:
+def calibrate(a: Namespace) -> None:
     """A rig from bags, a camera from one of a checkerboard, or a port or a lens from a recording."""
     if a.measure_port or a.focal:
         (measured_port.calibrate_port if a.measure_port else measured_lens.calibrate_lens)(a)
@@ -128,7 +130,7 @@ def describe(rig) -> str:
     return "\n  ".join(lines)
 
 
-def calibrate_board(a) -> None:
+def calibrate_board(a: Namespace) -> None:
     """Intrinsics from recordings of a checkerboard, by one camera."""
     others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
     leave_out(a, "--board: calibrates a camera, no rig", *others)
@@ -163,17 +165,17 @@ def _views_of_board(path: Path, camera) -> Stream:
         return open_stream(path, camera, checked=camera is not None, fps=1.0 if untimed else None)
 
 
-def _inputs(a) -> list[Path | None]:
+def _inputs(a: Namespace) -> list[Path | None]:
     return [*a.bags, a.camera, a.hand_eye]
 
 
-def _hand_eye(a) -> HandEyeFile | None:
+def _hand_eye(a: Namespace) -> HandEyeFile | None:
     path = a.hand_eye or next((f for p in list(a.bags[0].resolve().parents)[:2]
                                if (f := authors_bags.hand_eye_file(p, deep=False))), None)  # fmt: skip
     return read_hand_eye(path) if path else None
 
 
-def _ends(a, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
+def _ends(a: Namespace, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
     """The arm's (root, tip) by the command line, else by the hand-eye file, else as a UR names them."""
     if hand_eye:
         base, effector = hand_eye.base, hand_eye.effector
@@ -184,14 +186,14 @@ def _ends(a, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
     return (effector, base) if on_arm else (base, effector)
 
 
-def simulate(a) -> None:
+def simulate(a: Namespace) -> None:
     """Write stand-ins for the published recordings."""
     if a.seconds is not None and not 0.2 <= a.seconds <= 60:
         raise InputError(f"--seconds {a.seconds:g}: the stand-in's arm follows for 0.2 to 60 s")
     standin.write_set(a.as_published, a.seconds or 6.0)
 
 
-def train(a) -> None:
+def train(a: Namespace) -> None:
     """Filters trained on a folder of bags, kept where ``reproduce --data`` looks for them."""
     from ..training import train  # torch's optimisers take a second to import
 
@@ -209,7 +211,7 @@ def train(a) -> None:
             print(f"{path}: written")
 
 
-def reproduce(a) -> None:
+def reproduce(a: Namespace) -> None:
     """The paper's studies on a folder of bags; ends with the table."""
     out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True), a.adapt)
     text = beside_paper.results_text(out, DERIVED_DATA / a.profile)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from argparse import Namespace
 from itertools import product
 
 from tqdm import tqdm
@@ -23,7 +24,7 @@ from ..training.recipe import Recipe
 from . import authors
 
 
-def simulate(a) -> None:
+def simulate(a: Namespace) -> None:
     """Sequences of the bench to files."""
     if a.as_published:
         text = "--as-published: stand-ins have sequences of their own"
@@ -47,9 +48,7 @@ def simulate(a) -> None:
              path) for name, path in zip(a.sequence, paths, strict=True)]  # fmt: skip
     if a.jobs > 1 or a.scheduler:
         if camera:
-            raise InputError(
-                f"{a.camera}: another camera records one sequence at a time; leave --jobs and --scheduler out"
-            )
+            leave_out(a, f"{a.camera}: another camera records one sequence at a time", "jobs", "scheduler")
         for path, events, frames in tqdm(
             record_all(jobs, a.jobs, a.scheduler), "simulate", len(jobs), disable=None
         ):
@@ -63,7 +62,7 @@ def simulate(a) -> None:
         print(f"{path}: {events} events, {frames} frames, {seconds:g} s")
 
 
-def calibrate_lamps(a) -> None:
+def calibrate_lamps(a: Namespace) -> None:
     """Exposure and lamps."""
     if a.output:
         check_output(a.output, overwrite=a.overwrite)
@@ -73,7 +72,7 @@ def calibrate_lamps(a) -> None:
     print(json.dumps(result, indent=1))
 
 
-def train(a) -> None:
+def train(a: Namespace) -> None:
     """The filters that were asked for, one after the other."""
     if a.data:
         authors.train(a)
@@ -91,7 +90,7 @@ def train(a) -> None:
         print(f"{path}: written")
 
 
-def reproduce(a) -> None:
+def reproduce(a: Namespace) -> None:
     """The accuracy study of a profile, or a folder of bags'."""
     if not CHECKOUT:
         raise InputError("reproduce: an installed package has no book and no pins; run it in a checkout")
@@ -116,13 +115,14 @@ def reproduce(a) -> None:
         gallery.save_sheets(DERIVED_DATA / a.profile, accuracy_run.COMMITTED, labels, empty)
 
 
-def check(a) -> None:
+def check(a: Namespace) -> None:
     """Results and pages beside the committed ones."""
     if a.carry:
         from ..studies.carry import carry
 
         carry(lambda line: print(line, flush=True), beside=a.beside)
         return
+    leave_out(a, "check: carries nothing over without --carry", "beside")
     from ..pages import reference
 
     reference.check(a.update)

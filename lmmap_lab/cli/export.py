@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from argparse import Namespace
 from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
@@ -47,7 +48,7 @@ STEPS = {  # in their order, of one image; tests compare them with an estimator'
 }
 
 
-def export(a) -> None:
+def export(a: Namespace) -> None:
     """Write a set's networks and `DOCUMENT` into a new folder, all or nothing."""
     onnx_package()
     check_folder_of(a.output)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from argparse import Namespace
 from dataclasses import replace
 
 from lmmap.cli.inputs import leave_out
@@ -20,7 +21,7 @@ DOUBTFUL = 0.03  # standard deviation of the focal length, in units of it
 SIGMAS_95 = 1.96
 
 
-def calibrate_lens(a) -> None:
+def calibrate_lens(a: Namespace) -> None:
     """A camera's file beside the clip, and what is known of it."""
     others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
     leave_out(a, "--focal: measures a lens, not a rig", *others)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from argparse import Namespace
 from dataclasses import replace
 
 from lmmap.cli.inputs import input_files, leave_out
@@ -18,7 +19,7 @@ from ..rig.port_outline import DIMENSIONS, dimensions_m, windows_share
 PORT_FILE = "port.json"
 
 
-def calibrate_port(a) -> None:
+def calibrate_port(a: Namespace) -> None:
     """A port's file, and a table of what was measured."""
     others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
     leave_out(a, "--port: measures a port, not a rig", *others)

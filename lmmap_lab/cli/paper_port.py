@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
+
+from lmmap.cli.inputs import leave_out
 from lmmap.files import atomic, check_output
 from lmmap.recordings.rig import scale_port
 from lmmap.types import InputError, Port
@@ -11,11 +14,12 @@ from ..paper_port.sheets import RULER_MM, check, write_sheets
 SCALES, RULERS_MM = (0.05, 20.0), (50.0, 150.0)
 
 
-def print_port(a) -> None:
+def print_port(a: Namespace) -> None:
     """Write the sheets as a PDF or, for a ruler that was measured, the port's JSON."""
     check_range("--scale", a.scale, SCALES, "a scale")
     if a.ruler is not None:
         check_range("--ruler", a.ruler, RULERS_MM, "the printed ruler's length in mm")
+        leave_out(a, "--ruler: writes the port, not its sheets", "paper")
     wanted = ".pdf" if a.ruler is None else ".json"
     if a.output.suffix.lower() != wanted:
         what = "the sheets are a PDF" if a.ruler is None else "with --ruler it is the port"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import replace
 
 import cv2
@@ -23,7 +24,7 @@ HEADER = (
 )
 
 
-def pictures(a) -> None:
+def pictures(a: Namespace) -> None:
     """Draw what each set of filters finds in each picture, and print a line for each."""
     with writes(a.output):
         a.output.mkdir(parents=True, exist_ok=True)

@@ -6,6 +6,7 @@ Of it only the camera is written, into a hand-eye file; the rest is for a calibr
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from lmmap.files import atomic, writes
+from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
 from lmmap.marks import remove_folder
@@ -83,15 +84,21 @@ def shift_time(recording: Recording, by_us: int) -> Recording:
 
 
 def write_hand_eye(path, rig: Rig = RIG) -> None:
-    """Write the camera's pose in the arm's base as easy_handeye does; raises `InputError`."""
+    """Write the camera's pose in the arm's base as easy_handeye does.
+
+    Raises `InputError` if it cannot be written, or if another file has its name.
+    """
     T = rig.T_cam_root.inverse
     about = {"eye_on_hand": False, "robot_base_frame": rig.root, "robot_effector_frame": rig.tip,
              "tracking_base_frame": "dvs", "tracking_marker_frame": "board"}  # fmt: skip
     names = ("x", "y", "z", "qx", "qy", "qz", "qw")
     values = [float(v) for v in (*T.position_m, *T.quaternion_xyzw)]
+    document = {"parameters": about, "transformation": dict(zip(names, values, strict=True))}
+    text = yaml.safe_dump(document)
+    if os.path.lexists(path) and read_text(path, 2**16) != text:
+        raise InputError(f"{path}: is not ours to replace; move it away, or give another folder")
     with atomic(path) as temporary:
-        document = {"parameters": about, "transformation": dict(zip(names, values, strict=True))}
-        temporary.write_text(yaml.safe_dump(document))
+        temporary.write_text(text)
 
 
 def write_set(folder, seconds: float, report=print) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from argparse import Namespace
 from pathlib import Path
 
 import cv2
@@ -90,15 +91,13 @@ def _write_images(folder: Path, name: str, images) -> int:
         if t_us == last_us:
             continue
         path, last_us = f"{name}/{number:06d}.png", t_us
-        (folder / path).write_bytes(
-            cv2.imencode(".png", image)[1]
-        )  # whose library tells of a full disk itself
+        (folder / path).write_bytes(cv2.imencode(".png", image)[1])  # libpng's own errors go to stderr
         lines.append(f"{t_us // 10**6}.{t_us % 10**6:06d} {path}")
     (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
     return len(lines) - 1
 
 
-def export_command(a) -> None:
+def export_command(a: Namespace) -> None:
     """``lmmap odometry export``."""
     if a.folder.is_dir() and any(a.folder.iterdir()) and not a.overwrite:
         raise InputError(f"{a.folder}: holds files already; give a new folder, or --overwrite")
@@ -124,7 +123,7 @@ def reference_trajectory(path: Path):
     return read_truth(truth)
 
 
-def score_command(a) -> None:
+def score_command(a: Namespace) -> None:
     """``lmmap odometry score``."""
     if a.trajectory.suffix not in (".tum", ".txt", ".csv"):
         raise InputError(

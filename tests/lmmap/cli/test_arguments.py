@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from functools import cache
 from types import SimpleNamespace
 
 import drawn
@@ -34,6 +35,14 @@ def options():
                 yield words, action, value
 
 
+@pytest.fixture(scope="module", autouse=True)
+def parsed_by_one():
+    """Making the parser takes most of a test's time."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(main, "parser", cache(arguments.parser))
+        yield
+
+
 def mistake(capsys, *argv) -> str:
     """The one line of a usage error."""
     with pytest.raises(SystemExit) as stop:
@@ -50,7 +59,9 @@ def test_every_option_is_given_once_and_not_empty(capsys):
             if not isinstance(action, argparse._AppendAction):
                 err = mistake(capsys, *words, option, value, action.option_strings[0], value)
                 assert "is given twice; give it once" in err and option.lstrip("-") in err
-            assert re.search("is empty|invalid|expected", mistake(capsys, *words, option, "")), option
+            for none in ("", "--"):
+                err = mistake(capsys, *words, f"{option}={none}" if option[1] == "-" else f"{option}{none}")
+                assert re.search("is empty|is --|invalid|expected", err), option
             tried += 1
     assert tried > 40
 
@@ -62,6 +73,7 @@ def test_every_command_parses_as_ours_do():
 def test_an_empty_argument_is_no_folder_here(capsys):
     assert "is empty" in mistake(capsys, "info", "")
     assert "is empty" in mistake(capsys, "draw", DRAWN, "", "--modality", "rgb", "-o", "x.mp4")
+    assert "argument shell: is empty" in mistake(capsys, "completion", "")
 
 
 @pytest.mark.parametrize("command", ["estimate", "evaluate", "live"])
@@ -106,10 +118,16 @@ RGB = DRAWN, "--modality", "rgb"
         (("estimate", *RGB, "--weights", "n" * 300, "-o", "{}/p.csv"), "n: no readable"),
         (("estimate", *RGB, "-o", "{}/" + "n" * 300 + ".csv"), "File name too long"),
         (("estimate", *RGB, "-o", "{}/o.avi", "--video", "{}/o.avi"), "is also read as"),
+        (("estimate", *RGB, "--events", "9", "-o", "{}/p.csv"), "has no histograms; leave --events out"),
+        (("evaluate", *RGB, "--events", "9"), "has no histograms; leave --events out"),
+        (("live", DRAWN, "--events", "9"), "has no histograms; leave --events out"),
+        (("live", "0", "--frame-id", "a"), "nothing is written without --output; leave --frame-id out"),
+        (("live", "0", "-o", "{}/none/p.csv"), "no folder"),
+        (("estimate", *RGB, "--format", "csv", "--frame-id", "a", "-o", "{}/p.bag"), "leave --frame-id out"),
         (("info", "/proc/kmsg"), "a device or a pipe"),
         (("estimate", *RGB, "--port", "/proc/kmsg", "-o", "{}/p.csv"), "a device or a pipe"),
     ],
-    ids=range(11),
+    ids=range(17),
 )
 def test_remedies_are_for_what_is_wrong(tmp_path, lmmap, argv, said):
     code, out, err = lmmap(*(str(a).replace("{}", str(tmp_path)) for a in argv))

@@ -62,8 +62,8 @@ def test_an_output_that_exists_needs_a_word(tmp_path, lmmap):
     code, _, err = lmmap(*estimate(path))
     assert code == 1 and "--overwrite" in err and digests(tmp_path) == before
     assert lmmap(*estimate(path, "--resume"))[0] == 0 and digests(tmp_path) == before
-    code, _, err = lmmap(*estimate(path, "--resume", "--events", "500"))
-    assert code == 1 and "settings" in err and digests(tmp_path) == before
+    code, _, err = lmmap(*estimate(path, "--resume", "--flip", "x"))
+    assert code == 1 and "another flip" in err and digests(tmp_path) == before
     assert lmmap(*estimate(path, "--overwrite"))[0] == 0 and digests(tmp_path) == before
 
 

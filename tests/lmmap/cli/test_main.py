@@ -112,15 +112,15 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
 
 def test_what_was_looked_at_twice_is_gone_on_with_too(tmp_path, capsys, monkeypatch):
     """With an estimator that fails on every other histogram of N events, and not on wider ones."""
-    estimated, shots = Estimator.__call__, recorded.images(open_recording(DRAWN), "event", rate_hz=20)
+    estimated, shots = Estimator.on_grid, recorded.images(open_recording(DRAWN), "event", rate_hz=20)
     first_us = [t_us for t_us, _ in shots]
 
-    def seldom(self, image, t_us=0):
+    def seldom(self, image, t_us=0, near=None):
         if image.sum() > self.settings.events_per_window or t_us not in first_us[1::2]:
-            return estimated(self, image, t_us)
+            return estimated(self, image, t_us, near)
         return Estimate(t_us, Status.NO_RING)
 
-    monkeypatch.setattr(Estimator, "__call__", seldom)
+    monkeypatch.setattr(Estimator, "on_grid", seldom)
     argv = ("estimate", DRAWN, "--modality", "event", "--rate", "20", "-o")
     whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
     assert run(capsys, *argv, whole)[0] == 0
@@ -167,6 +167,15 @@ def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
     monkeypatch.undo()
     kept = cut.with_suffix(".rgb.csv").read_bytes()
     assert 0 < len(cut.read_bytes()) < len(whole.read_bytes())
+    monkeypatch.setattr(Journal, "add", interrupted)
+    calls.clear()
+    before = {path: path.read_bytes() for path in sorted(tmp_path.glob("whole*"))}
+    code, _, err = run(capsys, *argv, whole, "--overwrite")
+    assert code == 130 and f"{whole}.lmmap-part keeps what was estimated, --resume goes on" in err
+    monkeypatch.undo()
+    assert {path: path.read_bytes() for path in before} == before
+    assert run(capsys, *argv, whole, "--resume")[0] == 0
+    assert {path: path.read_bytes() for path in sorted(tmp_path.glob("whole*"))} == before
     cut.with_suffix(".rgb.csv").write_bytes(kept + b"16000000")
     assert run(capsys, *argv, cut, "--resume")[0] == 0
     for suffix in (".csv", ".rgb.csv", ".event.csv"):

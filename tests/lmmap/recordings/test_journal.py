@@ -1,5 +1,7 @@
 """Laws of the journal: it holds what `write_estimates` or `write_trajectory` would, and goes on anywhere."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from strategies import facing_pose
 
 from lmmap.recordings.journal import Journal
-from lmmap.recordings.pose_files import trajectory_of, write_estimates, write_trajectory
+from lmmap.recordings.pose_files import read_estimates, trajectory_of, write_estimates, write_trajectory
 from lmmap.types import Estimate, InputError, Status
 
 
@@ -50,13 +52,50 @@ def test_each_estimate_is_on_disk_when_added(tmp_path):
     assert journal.statuses == [str(e.status) for e in estimates]
 
 
-def test_a_file_is_replaced_by_the_first_estimate_and_not_before(tmp_path):
-    path = tmp_path / "p.csv"
+@pytest.mark.parametrize("end", ["well", "by an error", "cut short", "by a kill"])
+@pytest.mark.parametrize("made_of", [None, {"recording": "r"}])
+def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path, end, made_of):
+    path, part, estimates = tmp_path / "p.csv", tmp_path / "p.csv.lmmap-part", some_estimates(4, 0)
     path.write_text("old\n")
-    with Journal(path) as journal:
-        assert path.read_text() == "old\n"
-        journal.add(some_estimates(1, 0)[0])
-    assert path.read_text().startswith("t_us,status,")
+    with suppress(KeyError), Journal(path, made_of=made_of) as journal:
+        for k, e in enumerate(estimates[:2]):
+            journal.add(e)
+            assert path.read_text() == "old\n" and part.read_text().count("\n") == k + 2
+        journal.is_whole = end == "well"
+        if end == "by an error":
+            raise KeyError
+        if end == "by a kill":  # what a kill may leave between any two writes
+            cut = part.read_bytes()
+    if end == "by a kill":
+        part.write_bytes(cut[:-30])
+    assert part.exists() == (end != "well") and (path.read_text() == "old\n") == part.exists()
+    if end == "well":
+        assert len(read_estimates(path)) == 2
+    with Journal(path, resume=True, made_of=made_of) as journal:
+        assert journal.done_us == [e.t_us for e in estimates[: 1 if end == "by a kill" else 2]]
+        for e in estimates:
+            if not journal.has(e.t_us):
+                journal.add(e)
+    assert [e.t_us for e in read_estimates(path)] == [e.t_us for e in estimates]
+    assert {p.name for p in tmp_path.iterdir()} == {"p.csv"} | ({"p.csv.made-of"} if made_of else set())
+
+
+def test_what_an_interrupted_run_left_goes_with_the_next_that_does_not_resume(tmp_path):
+    path = tmp_path / "p.csv"
+    for old in (True, False):
+        path.write_text("old\n")
+        with Journal(path, made_of={}) as journal:
+            journal.add(some_estimates(1, 0)[0])
+            journal.is_whole = False
+        if not old:
+            path.unlink()
+        with Journal(path, made_of={}):
+            pass
+        assert path.exists() == old  # nothing came, so nothing is replaced
+        with Journal(path, made_of={}) as journal:
+            journal.add(some_estimates(1, 1)[0])
+        assert [e.t_us for e in read_estimates(path)] == [some_estimates(1, 1)[0].t_us]
+        assert {p.name for p in tmp_path.iterdir()} == {"p.csv", "p.csv.made-of"}
 
 
 def test_what_cannot_be_gone_on_with(tmp_path):
