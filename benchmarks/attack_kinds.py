@@ -92,7 +92,7 @@ def attempt(argv: list[str], folder: Path, *, own: str = "", names=(), given=(),
             fault = f"changed or removed {', '.join(lost[:3])}"
         elif stray:
             fault = f"left {', '.join(stray[:3])}"
-        elif a.code and names and not any(name and name in a.err for name in names):
+        elif a.code and argv[0] != "check" and names and not any(name and name in a.err for name in names):
             fault = f"does not name {names[0]}: {a.err.strip()[-200:]}"
         elif ignored:
             fault = f"ignores {', '.join(ignored)}"
