@@ -1,7 +1,7 @@
 """How often the interval of `lmmap calibrate CLIP --focal` holds the true lens, on simulated clips.
 
     python benchmarks/lens_coverage.py            # four clips, prints
-    python benchmarks/lens_coverage.py --save     # data/results/lens.csv, ten minutes
+    python benchmarks/lens_coverage.py --save     # data/results/lens.csv, two minutes
 
 Each clip has a lens, a centre and a distortion of its own, a plate that was folded 3 % too high or too low,
 30 views, a blur that differs from view to view, sRGB's gamma, noise and JPEG.  The fit begins at the poses
@@ -29,7 +29,7 @@ from lmmap_lab.rig.lens import INFLATION, fit_lens
 from lmmap_lab.rig.port_calibration import with_lens
 from lmmap_lab.rig.port_views import Views
 
-WIDTH, HEIGHT, VIEWS, CLIPS = 640, 480, 30, 40
+WIDTH, HEIGHT, VIEWS, CLIPS = 640, 480, 30, 10
 FOLD, CENTRE, BRIGHT, INK = 0.03, 0.008, 0.6, 0.04
 SEEN, MILLIMETRES = 1.96, 1e-3
 FACING = Rotation.from_euler("x", 180, degrees=True)

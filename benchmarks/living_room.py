@@ -1,7 +1,7 @@
 """A paper port before photographs, beside cups, clocks, plates and rolls of tape: right, wrong, none.
 
-    python benchmarks/living_room.py            # a few images of each, prints
-    python benchmarks/living_room.py --save     # all of them: data/results/paper-port.csv, ten minutes
+    python benchmarks/living_room.py --poses 3 --circles 5      # a few images of each scene, prints
+    python benchmarks/living_room.py --save                     # data/results/paper-port.csv, ten minutes
 
 Twenty scenes, each with a photograph, camera, light and clutter of its own.  In each a folded port of paper
 is drawn at random poses, often with fingers over its rim, next to printed circles that are none.  Besides,
@@ -271,19 +271,22 @@ def judge(number: int, poses: int, circles: int) -> dict:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--save", action="store_true", help="all images, and the committed table")
+    parser.add_argument("--save", action="store_true", help="write the committed table")
+    parser.add_argument("--poses", type=int, default=POSES, help="images of each scene with a port")
+    parser.add_argument(
+        "--circles", type=int, default=CIRCLES, help="images of each scene with circles alone"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="scenes at once")
     a = parser.parse_args()
-    counts = (POSES, CIRCLES) if a.save else (3, 5)
     rows = []
-    work = (delayed(judge)(number, *counts) for number in range(len(SCENES)))
+    work = (delayed(judge)(number, a.poses, a.circles) for number in range(len(SCENES)))
     for row in Parallel(a.jobs, return_as="generator", batch_size=1)(work):
         rows.append(row)
         print(row, flush=True)
     table = pd.DataFrame(rows)
     print(table.sum(numeric_only=True).to_string())
     if a.save:
-        command = "python benchmarks/living_room.py --save"
+        command = f"python benchmarks/living_room.py --save --poses {a.poses} --circles {a.circles}"
         save_table(DATA / "results" / "paper-port.csv", table, command=command, networks=faster_precision())
 
 

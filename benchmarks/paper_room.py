@@ -1,6 +1,7 @@
 """A paper port in a furnished room, path-traced: the clip of the chapter "Hold it in your hand".
 
-    DRJIT_LIBLLVM_PATH=.../libLLVM.so python benchmarks/paper_room.py     # 5 minutes on two cores
+    DRJIT_LIBLLVM_PATH=.../libLLVM.so python benchmarks/paper_room.py            # 5 minutes on two cores
+    DRJIT_LIBLLVM_PATH=.../libLLVM.so python benchmarks/paper_room.py --steps    # its pictures of the making
 
 The port is the sheets of `lmmap print`, folded by their own net.  A window and what the walls send back
 light it, a hand holds it at its rim, and around it stand a sofa, a shelf, a table, a cup and a clock.  The
@@ -14,27 +15,28 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import mitsuba_scene as shared
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from lmmap.drawing.video import Video
 from lmmap.geometry.port import circle_points_m
 from lmmap.geometry.projection import bearings
 from lmmap.recordings.pose_files import write_trajectory
 from lmmap.types import Pose, Trajectory
 from lmmap_lab.paper_port import net
-from lmmap_lab.paper_port.experiments import CAMERA, COUNT, RATE_HZ, part_of, port_in, pose
-from lmmap_lab.provenance import DATA
+from lmmap_lab.paper_port.experiments import CAMERA, COUNT, FACING, RATE_HZ, part_of, port_in, pose
+from lmmap_lab.provenance import DATA, ROOT
 
 mi, mesh, rgb = shared.mi, shared.mesh, shared.rgb
 WIDE = 1.12  # of the pinhole image around that of the lens
 BANDS, READOUT = 4, 0.6  # of rows, and the share of a frame's time that reading them takes
 SAMPLES = 16
 INK, PAPER, CARD, SKIN = 0.035, 0.82, (0.45, 0.36, 0.26), (0.62, 0.40, 0.30)
-NOISE, GAIN, QUALITY = 1.6, 2.4, 88  # grey levels; exposure; of the JPEG
+NOISE, GAIN, QUALITY = 1.0, 2.4, 88  # grey levels; exposure; of the JPEG
 LIFT_M = 1e-4
 
 
@@ -197,15 +199,75 @@ def frame_light(image: int, samples: int) -> np.ndarray:
     return cv2.GaussianBlur(light, (0, 0), 0.7) * vignette[..., None]
 
 
+def to_grey_levels(light: np.ndarray) -> np.ndarray:
+    """Light in [0, 1] as sRGB has it, in [0, 255]."""
+    x = np.clip(light, 0, 1)
+    return 255 * np.where(x < 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
 def sensor(light: np.ndarray, rng) -> np.ndarray:
     """A frame (H, W, 3) u8: sRGB, noise, JPEG."""
-    x = np.clip(GAIN * light, 0, 1)
-    encoded = np.where(x < 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    noisy = 255 * encoded + NOISE * rng.standard_normal(x.shape)
+    noisy = to_grey_levels(GAIN * light) + NOISE * rng.standard_normal(light.shape)
     jpeg = cv2.imencode(
         ".jpg", noisy.clip(0, 255).astype(np.uint8)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
     )[1]
     return cv2.imdecode(jpeg, cv2.IMREAD_COLOR_RGB)
+
+
+def steps(samples: int) -> np.ndarray:
+    """Four pictures side by side (H, W, 3) u8: printed, cut and folded half, folded, glued."""
+    lying = Pose(
+        (Rotation.from_euler("x", -38, degrees=True) * FACING).as_matrix(), np.array([0, 0.02, 0.62])
+    )
+    port, pictures = port_in("wave"), []
+    left, right = np.array([-0.112, 0.0, 0.0]), np.array([0.112, 0.0, 0.0])
+    for number, (share, place) in enumerate(((0.0, right), (0.5, right), (1.0, right), (1.0, 0 * right))):
+        ring_at = left if number < 3 else 0 * left
+        look = {"table": rectangle(lying, 0 * left, (1.4, 1.0), -0.004, (0.42, 0.28, 0.16)),
+                "window": {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([-1.2, -1, 0.3])
+                           .rotate([0, 1, 0], 90).rotate([1, 0, 0], 35).scale(0.5),
+                           "emitter": {"type": "area", "radiance": rgb((9.0, 9.4, 10.0))}},
+                "sky": {"type": "constant", "radiance": rgb(0.25)}}  # fmt: skip
+        if number == 0:
+            look["sheet 1"] = rectangle(lying, left, (0.210, 0.297), -0.002, PAPER)
+            look["sheet 2"] = rectangle(lying, right, (0.210, 0.297), -0.002, PAPER)
+        look["square"] = rectangle(lying, ring_at, (0.2, 0.2), -0.001, INK)
+        moved = Pose(lying.rotation, lying @ ring_at)
+        look["ring"] = annulus(port.ring_inner_radius_m, port.ring_outer_radius_m, 0.0, moved, matt(PAPER))
+        faces = [replace(face, angle_rad=share * face.angle_rad) for face in net.plate_net(port)]
+        moves = net.fold(faces)
+        rise = -min(
+            net.moved(face.corners_m, move)[:, 2].min() for face, move in zip(faces, moves, strict=True)
+        )
+        up = place + np.array([0, 0, rise + 10 * LIFT_M])
+        for k, (face, move) in enumerate(zip(faces, moves, strict=True)):
+            if face.kind == net.TAB and share == 1:  # behind a wall
+                continue
+            ink = 0.5 if face.kind == net.TAB else INK
+            look[f"face {k}"] = polygon("face", lying @ (net.moved(face.corners_m, move) + up), matt(ink))
+        for k, corners in enumerate(port.marker_corners_m()):
+            flat = corners * [1, 1, 0] + [0, 0, 2 * LIFT_M]
+            look[f"marker {k}"] = polygon("marker", lying @ (flat + up), matt(PAPER))
+        film = {
+            "type": "hdrfilm",
+            "width": 360,
+            "height": 250,
+            "pixel_format": "rgb",
+            "rfilter": {"type": "box"},
+        }
+        seen = {"type": "perspective", "fov": 46.0, "fov_axis": "x", "near_clip": 1e-3, "film": film,
+                "to_world": mi.ScalarTransform4f(np.diag([-1.0, -1, 1, 1])),
+                "sampler": {"type": "independent", "sample_count": samples}}  # fmt: skip
+        scene = {"type": "scene", "integrator": {"type": "path", "max_depth": 4}, "sensor": seen, **look}
+        pictures.append(to_grey_levels(np.array(mi.render(mi.load_dict(scene), seed=number))))
+    return np.hstack(pictures).clip(0, 255).astype(np.uint8)
+
+
+def rectangle(T: Pose, centre, size, height, colour):
+    """A sheet of a width and a height at a place of a plane."""
+    x, y = np.array(size) / 2
+    corners = np.array([[-x, -y, height], [x, -y, height], [x, y, height], [-x, y, height]]) + centre
+    return polygon("sheet", T @ corners, matt(colour))
 
 
 def main() -> None:
@@ -213,22 +275,33 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=DATA / "mini" / "paper-port.mp4")
     parser.add_argument("--variant", default="llvm_ad_rgb")
     parser.add_argument("--samples", type=int, default=SAMPLES)
+    parser.add_argument(
+        "--steps", action="store_true", help="write the pictures of the making alone, as JPEG"
+    )
     parser.add_argument("--only", type=int, help="write this image alone, as PNG")
     a = parser.parse_args()
     mi.set_variant(a.variant)
     rng = np.random.default_rng(0)
+    if a.steps:
+        picture = steps(3 * a.samples)[..., ::-1]
+        cv2.imwrite(
+            str(ROOT / "book" / "_static" / "paper-steps.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 88]
+        )
+        return
     if a.only is not None:
         cv2.imwrite(str(a.output), sensor(frame_light(a.only, a.samples), rng)[..., ::-1])
         return
     kept, key = None, None
-    with Video(a.output) as video:
-        for image in range(COUNT):
-            print(f"\r{image + 1} of {COUNT}", end="", file=sys.stderr)
-            part, now = part_of(image), pose(image)
-            new = (part, *now.position_m)
-            if part == "wave" or new != key:
-                kept, key = frame_light(image, a.samples), new
-            video.add(sensor(kept, rng), RATE_HZ)
+    codec = cv2.VideoWriter_fourcc(*"mp4v")  # which OpenCV writes fast and small
+    video = cv2.VideoWriter(str(a.output), cv2.CAP_FFMPEG, codec, RATE_HZ, CAMERA.size_px)
+    for image in range(COUNT):
+        print(f"\r{image + 1} of {COUNT}", end="", file=sys.stderr)
+        part, now = part_of(image), pose(image)
+        new = (part, *now.position_m)
+        if part == "wave" or new != key:
+            kept, key = frame_light(image, a.samples), new
+        video.write(sensor(kept, rng)[..., ::-1])
+    video.release()
     t_us = np.round(np.arange(COUNT) * 1e6 / RATE_HZ).astype(np.int64)
     poses = [pose(image) for image in range(COUNT)]
     T = Pose(np.stack([p.rotation for p in poses]), np.stack([p.position_m for p in poses]))

@@ -13,13 +13,14 @@ RATE_HZ = 15.0
 CAMERA = Camera(640, 480, 600.0, 600.0, 322.0, 236.0, (-0.06, 0.0, 0.0, 0.0))
 STILLS = 10  # images of a port that stands still
 SLIDE_MM = np.repeat(np.arange(0, 101, 20), 3)  # along a ruler
-LENGTHS = {"wave": 12, "slide": len(SLIDE_MM), "head-on": STILLS, "turned": STILLS, "cover": 6, "lamp": 6,
+LENGTHS = {"wave": 6, "slide": len(SLIDE_MM), "head-on": STILLS, "turned": STILLS, "cover": 6, "lamp": 6,
            "flat": STILLS}  # fmt: skip
 PARTS = dict(
     zip(LENGTHS, map(slice, *np.cumsum([[0, *LENGTHS.values()][:-1], [*LENGTHS.values()]], 1)), strict=True)
 )
 COUNT = sum(LENGTHS.values())
 TURNED_DEG = 45.0
+WAVE_IMAGES = 60  # from a place and back to it; the clip has the first of them
 FACING = Rotation.from_euler("x", 180, degrees=True)  # the port's z towards the camera, its x to the right
 
 
@@ -34,7 +35,7 @@ def pose(t: float) -> Pose:
     part = part_of(image)
     k = image - PARTS[part].start
     if part == "wave":
-        s = 2 * np.pi * t / LENGTHS["wave"]
+        s = 2 * np.pi * t / WAVE_IMAGES
         turn = Rotation.from_euler(
             "xyz", [22 * np.sin(2 * s), 30 * np.sin(s + 0.4), 15 * np.sin(s)], degrees=True
         )

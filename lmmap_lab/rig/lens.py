@@ -22,6 +22,7 @@ from .port_views import LEAST_IMAGES, MOST_IMAGES, Views, check, collect, half_h
 
 LEAST_CONTRAST = 30.0  # grey levels across an edge
 LENS_UNKNOWNS = 4
+MARKER_SIZE = 0.02  # standard deviation of the markers' length and depth, in units of them: scissors and ink
 INFLATION = 2.0  # of the standard deviations, so that 95 % intervals hold 95 %; benchmarks/lens_coverage.py
 KNOWN = 1 / 3  # of its standard deviation before: a coefficient is known if no more than this is left
 
@@ -77,7 +78,7 @@ def _places(views: Views, camera: Camera) -> np.ndarray:
 
 def fit_lens(views: Views, port: Port, camera: Camera) -> PortFit:
     """Poses, lens and, within their tolerances, the port's dimensions that fit the edges in the images."""
-    share = [port.plate_height_tolerance, port.marker_radius_tolerance, *[port.marker_size_tolerance] * 2,
+    share = [port.plate_height_tolerance, port.marker_radius_tolerance, *[MARKER_SIZE] * 2,
              port.ring_width_tolerance]  # fmt: skip
     prior_m = np.maximum(np.array(share) * dimensions_m(port), 1e-4)
 
