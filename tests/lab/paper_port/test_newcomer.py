@@ -3,6 +3,7 @@
 import re
 import shlex
 import shutil
+import time
 
 import cv2
 import pytest
@@ -23,14 +24,28 @@ def test_three_commands_are_all_it_takes(page):
     assert [line[2:].split("#")[0].strip() for line in block.splitlines()] == COMMANDS
 
 
+class Camera0:
+    """OpenCV's capture; the camera 0 sends the clip, twenty images a second."""
+
+    opened = cv2.VideoCapture
+
+    def __init__(self, name, *options):
+        self._wait_s = 0.05 if name == 0 else 0.0
+        self._capture = self.opened(str(CLIP) if name == 0 else name, *options)
+
+    def read(self):
+        time.sleep(self._wait_s)
+        return self._capture.read()
+
+    def __getattr__(self, name):
+        return getattr(self._capture, name)
+
+
 def test_they_run(tmp_path, monkeypatch, lmmap):
     """The lens that the clip gives is the one that it was traced with."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(CLIP, tmp_path / "clip.mp4")
-    opened = cv2.VideoCapture
-    monkeypatch.setattr(
-        webcam.cv2, "VideoCapture", lambda name, *a: opened(str(CLIP) if name == 0 else name, *a)
-    )
+    monkeypatch.setattr(webcam.cv2, "VideoCapture", Camera0)
     said = [lmmap(*shlex.split(command)[1:]) for command in COMMANDS]
     assert [code for code, _, _ in said] == [0, 0, 0], said
     assert (tmp_path / "port.pdf").exists()
