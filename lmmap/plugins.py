@@ -24,6 +24,14 @@ def entry_points(group: str) -> dict[str, str]:
     return {point.name: point.value for point in sorted(metadata.entry_points(group=group))}
 
 
+def version() -> str | None:
+    """The installed version of lmmap, if it is installed."""
+    try:
+        return metadata.version("lmmap")
+    except metadata.PackageNotFoundError:
+        return None
+
+
 @cache
 def reader(name: str) -> Callable | None:
     """What readers of other programs' formats do under a name, imported now; None where none has it."""
@@ -62,6 +70,13 @@ def call(what: str, function: str, *arguments):
         if module.startswith("lmmap.") or "." in (error.name or ""):  # a mistake of ours
             raise
     raise NotInstalled(f"{what}: needs {missing}, which is not installed; {INSTALL}")
+
+
+def first(what: str, group: str, *arguments):
+    """As `call`, of the function that a group's first entry point names."""
+    for function in entry_points(group).values():
+        return call(what, function, *arguments)
+    raise NotInstalled(f"{what}: needs the laboratory of the book; {INSTALL}")
 
 
 def refuse(a: Namespace) -> None:

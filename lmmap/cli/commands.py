@@ -19,20 +19,6 @@ EXAMPLES = """examples:
 """
 
 
-class _Version(argparse.Action):
-    """Print the installed version; looking it up takes a tenth of a second, which others need not wait."""
-
-    def __call__(self, parser, *_):
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            number = version("lmmap")
-        except PackageNotFoundError:
-            number = "of a checkout that is not installed"
-        print(f"lmmap {number}")
-        parser.exit()
-
-
 class _Once(argparse._StoreAction):
     """Store an option's value, and its name in ``given``; refuse a second value, which would replace it."""
 
@@ -90,7 +76,8 @@ class Commands:
             formatter_class=_Listing,
         )
         text = "print the version of lmmap and exit"
-        self.parser.add_argument("--version", action=_Version, nargs=0, help=text)
+        number = f"lmmap {plugins.version() or 'of a checkout that is not installed'}"
+        self.parser.add_argument("--version", action="version", version=number, help=text)
         named = {"title": OWN, "dest": "command", "metavar": "COMMAND"}
         self._commands = self.parser.add_subparsers(required=True, **named)
 

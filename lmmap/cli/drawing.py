@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import asdict
 
 from .. import plugins
 from ..drawing.overlay import Overlay
@@ -12,7 +11,7 @@ from ..files import check_output
 from ..recordings.journal import recording_mark
 from ..recordings.pose_files import read_estimates
 from ..types import Camera, InputError
-from .inputs import as_read, find_port, find_settings, input_files, open_input
+from .inputs import find_port, find_settings, input_files, made_of, open_input
 from .progress import Bar
 
 
@@ -49,12 +48,8 @@ def _view(a: Namespace, camera: Camera):
         if a.resume:
             raise InputError(f"{a.output}: a file for Rerun cannot be resumed; leave --resume out")
         return plugins.needed("rerun", a.output)(a.output, port, camera)
-    made_of = {
-        "recording": recording_mark(a.recording), "poses": recording_mark(a.poses), "fps": a.fps,
-        "modality": a.modality, "rate": a.rate, "events": a.events,
-        "camera": asdict(camera), "port": asdict(port), **as_read(a), **({"flip": a.flip} if a.flip else {}),
-    }  # fmt: skip
-    view = Overlay(a.output, port, camera, made_of, a.resume)
+    more = {"poses": recording_mark(a.poses), "modality": a.modality, "events": a.events}
+    view = Overlay(a.output, port, camera, made_of(a, camera, port, **more), a.resume)
     if view.video.folder.exists() and not (a.resume or a.overwrite):
         raise InputError(f"{view.video.folder}: holds an interrupted video; give --resume, or --overwrite")
     return view

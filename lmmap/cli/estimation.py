@@ -16,15 +16,15 @@ from ..estimation.estimates import estimate_rest, fuse_rest
 from ..estimation.tracks import track
 from ..files import check_output
 from ..pipeline.weights import weight_hashes
-from ..recordings.journal import Journal, recording_mark
+from ..recordings.journal import Journal
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
 from ..types import InputError, Status
 from .inputs import (
-    as_read,
     can_be_fused,
     check_between,
     input_files,
+    made_of,
     make_estimator,
     network_set,
     no_images,
@@ -39,7 +39,7 @@ def estimate(a: Namespace) -> None:
     """Poses of a recording: of each image of one camera, of both fused, or of a track."""
     bag = _check(a)
     stream = open_input(a)
-    weights = network_set(a) if a.adapt is None else _adapted(a)
+    weights = network_set(a) if a.adapt is None else plugins.first("--adapt", plugins.NETWORKS, a)
     modalities = MODALITIES if a.modality == "fused" else (a.modality,)
     estimators = {m: make_estimator(a, stream.camera, m, weights) for m in modalities}
     if a.modality == "fused":
@@ -79,13 +79,6 @@ def estimate(a: Namespace) -> None:
     if stopped:
         remedy = "" if a.track or bag else ", --resume goes on"
         raise KeyboardInterrupt(f"{journal.kept_in} keeps what was estimated{remedy}")
-
-
-def _adapted(a: Namespace) -> Path:
-    """Networks that another package makes of the recording's first part."""
-    for function in plugins.entry_points(plugins.NETWORKS).values():
-        return plugins.call("--adapt", function, a)
-    raise plugins.NotInstalled(f"--adapt: needs the laboratory of the book; {plugins.INSTALL}")
 
 
 def _check(a: Namespace):
@@ -144,17 +137,12 @@ def _answers(a: Namespace, stream: Stream, estimators: dict, journal, parts: dic
 def _journal(a: Namespace, path: Path, form: str, estimators: dict, networks: str | Path) -> Journal:
     """A table of some estimators' answers, which is known as this command's own by what they depend on."""
     first, weights = next(iter(estimators.values())), {}
-    for e in estimators.values():
-        weights |= weight_hashes(networks, e.modality)
-    made_of = {
-        "recording": recording_mark(a.recording), "fps": a.fps,
-        "modality": first.modality if len(estimators) == 1 else a.modality, "rate": a.rate,
-        "format": table_format(a), "camera": asdict(first.camera), "port": asdict(first.port),
-        "settings": asdict(first.settings), "weights": weights,
-        **as_read(a), **({"track": True, "between": a.between} if a.track else {}),
-        **({"flip": a.flip} if a.flip else {}),
-    }  # fmt: skip
-    return Journal(path, form, a.resume, made_of)
+    for modality in estimators:
+        weights |= weight_hashes(networks, modality)
+    modality = first.modality if len(estimators) == 1 else a.modality
+    more = {"modality": modality, "format": table_format(a), "settings": asdict(first.settings),
+            "weights": weights} | ({"track": True, "between": a.between} if a.track else {})  # fmt: skip
+    return Journal(path, form, a.resume, made_of(a, first.camera, first.port, **more))
 
 
 def _report(a: Namespace, journal, resumed: int, between: int) -> None:

@@ -58,8 +58,7 @@ def _truth(a: Namespace, stream: Stream) -> Trajectory:
         return stream.truth
     if rig := find_rig(a.recording):
         with suppress(plugins.NotInstalled):
-            for function in plugins.entry_points(plugins.TRUTHS).values():
-                return plugins.call("evaluate", function, a.recording, rig)
+            return plugins.first("evaluate", plugins.TRUTHS, a.recording, rig)
     name, also = f"{a.recording.stem}.truth.csv", ""
     if a.recording.suffix == ".bag":
         also = f"; or from its arm, with lmmap calibrate ({plugins.INSTALL})"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from argparse import Namespace
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from .. import plugins
@@ -13,6 +13,7 @@ from ..pipeline.estimator import Estimator
 from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
+from ..recordings.journal import recording_mark
 from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
 from ..settings import MODALITIES, Settings
@@ -56,6 +57,13 @@ def as_read(a: Namespace) -> dict:
 def read_from(a: Namespace) -> Path | None:
     """The recording that is named; None where a camera is, or where a command takes none."""
     return named if isinstance(named := getattr(a, "recording", None), Path) else None
+
+
+def made_of(a: Namespace, camera: Camera, port: Port, **more) -> dict:
+    """What estimates and drawings of a recording depend on, beside ``more``."""
+    flip = {"flip": a.flip} if a.flip else {}
+    return {"recording": recording_mark(a.recording), "fps": a.fps, "rate": a.rate,
+            "camera": asdict(camera), "port": asdict(port)} | more | as_read(a) | flip  # fmt: skip
 
 
 def input_files(a: Namespace) -> list[Path]:
@@ -148,9 +156,9 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
     path, count = stream.source.path, settings.events_per_window
     if modality == "rgb":
         return InputError(f"{path}: holds no frames; try --modality event")
-    runs = [(len(e), e["t_us"][[0, -1]]) for e in stream.chunks()] if rate_hz else []
-    if sum(n for n, _ in runs) >= count:
-        seconds = (runs[-1][1][1] - runs[0][1][0]) * 1e-6
+    runs = [(len(e), *e["t_us"][[0, -1]]) for e in stream.chunks() if len(e)] if rate_hz else []
+    if sum(n for n, *_ in runs) >= count:
+        seconds = (runs[-1][2] - runs[0][1]) * 1e-6
         text = f"lasts {seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"
         return InputError(f"{path}: {text}; give a higher one, or none")
     return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

@@ -22,7 +22,7 @@ from ..recordings.journal import Journal
 from ..recordings.stream import Stream
 from ..recordings.webcam import Webcam, assumed
 from ..tracking.tracker import Tracker
-from ..types import Camera, Estimate, InputError, Pose
+from ..types import Camera, Estimate, InputError
 from .inputs import (
     check_between,
     flips_of,
@@ -81,20 +81,14 @@ def _open(a: Namespace) -> tuple[object, Camera, Stream | None]:
     return device, camera, None
 
 
-def _view(estimator):
-    """The page that `plugins.VIEWS` offers."""
-    for function in plugins.entry_points(plugins.VIEWS).values():
-        return plugins.call("--view", function, estimator.camera, estimator.port)
-    raise plugins.NotInstalled(f"--view: needs the laboratory of the book; {plugins.INSTALL}")
-
-
 def _estimate_live(a: Namespace, device, estimator) -> int:
     """Print the track's answers and, however it ends, a summary; the number of images."""
     statuses, late_ms, skipped, last_us, began = [], [], 0, -np.inf, time.monotonic()
     tracker = Tracker(estimator, events=bool(a.between))
     with ExitStack() as held:
         journal = held.enter_context(pose_bag(a) or Journal(a.output, table_format(a))) if a.output else None
-        view = held.enter_context(_view(estimator)) if a.view else None
+        page = plugins.first("--view", plugins.VIEWS, estimator.camera, estimator.port) if a.view else None
+        view = held.enter_context(page) if page else None
 
         def tell(e: Estimate, newest_us: int) -> float:
             late_ms = (device.now_us() - newest_us) * 1e-3
@@ -106,16 +100,17 @@ def _estimate_live(a: Namespace, device, estimator) -> int:
         settings = estimator.settings
         take = _Between(tracker, a.between, tell) if a.between else None
         try:
-            for image in newest_images(device, a.modality, settings, seconds=a.seconds, take_events=take):
-                skipped += image.skipped + (image.t_us <= last_us)
-                if image.t_us <= last_us:  # a clock that stood still or went back
+            newest = newest_images(device, a.modality, settings, seconds=a.seconds, take_events=take)
+            for (t_us, image, wider), newest_us, passed_over in newest:
+                skipped += passed_over + (t_us <= last_us)
+                if t_us <= last_us:  # a clock that stood still or went back
                     continue
-                last_us = image.t_us
-                e = tracker(image.image, image.t_us, image.wider)
-                late_ms.append(tell(e, image.newest_us))
+                last_us = t_us
+                e = tracker(image, t_us, wider)
+                late_ms.append(tell(e, newest_us))
                 statuses.append(str(e.status))
                 if view:
-                    view.show(image.image, e, _facts(e, late_ms[-1]))
+                    view.show(image, e, _facts(e, late_ms[-1]))
         except KeyboardInterrupt:
             pass
         finally:
@@ -153,11 +148,11 @@ def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
 
 
 def _facts(e: Estimate, late_ms: float) -> dict:
-    T, others = e.T_cam_port, {"predicted": e.predicted, "measured": e.measured}
     facts = {"t_us": e.t_us, "status": str(e.status), "confidence": round(e.confidence, 3),
-             "late_ms": round(late_ms, 1)} | ({} if T is None else _as_json(T))  # fmt: skip
-    return facts | {name: _as_json(pose) for name, pose in others.items() if pose is not None}
-
-
-def _as_json(T: Pose) -> dict[str, list[float]]:
-    return {"position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()}
+             "late_ms": round(late_ms, 1)}  # fmt: skip
+    poses = {"": e.T_cam_port, "predicted": e.predicted, "measured": e.measured}
+    for name, T in poses.items():
+        if T is not None:
+            pose = {"position_m": T.position_m.tolist(), "quaternion_xyzw": T.quaternion_xyzw.tolist()}
+            facts |= {name: pose} if name else pose
+    return facts

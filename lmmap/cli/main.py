@@ -29,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except InputError as error:
-        return _fail(_one_line(error))
+        return _fail(" ".join(str(error).splitlines())[:MAX_LETTERS])  # also where a name has several lines
     except MemoryError:
         return _fail("not enough memory; end other programs, or give a smaller recording")
     except KeyboardInterrupt as interrupt:
@@ -59,18 +59,13 @@ def _run(argv: list[str] | None) -> int:
     tune_allocator()
     with _notes():
         call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
+        sys.stdout.flush()
     return 0
 
 
 def _fail(message: str) -> int:
     print(f"lmmap: {message}", file=sys.stderr)
     return 1
-
-
-def _one_line(error: InputError) -> str:
-    """Its message, in one line also where a name that it repeats from a file has several, or a million
-    letters."""
-    return " ".join(str(error).splitlines())[:MAX_LETTERS]
 
 
 @contextmanager
@@ -99,8 +94,9 @@ def _notes():
         warnings.showwarning = show
         try:
             yield
-        except (InputError, MemoryError):
-            waiting.clear()
+        except (InputError, MemoryError, OSError) as error:
+            if not isinstance(error, BrokenPipeError):
+                waiting.clear()
             raise
         finally:
             tell()

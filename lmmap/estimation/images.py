@@ -68,17 +68,6 @@ def images(*args, **options) -> Iterator[tuple[int, np.ndarray]]:
     return ((timed.t_us, timed.image) for timed in timed_images(*args, **options))
 
 
-class LiveImage(NamedTuple):
-    """An image, the times of it and of its newest event (us), and how many were skipped before it; of
-    events also the time and image of a wider window, or None."""
-
-    t_us: int
-    image: np.ndarray
-    newest_us: int
-    skipped: int
-    wider: tuple[int, np.ndarray] | None = None
-
-
 def newest_images(
     device,
     modality: str,
@@ -86,10 +75,10 @@ def newest_images(
     wait_s: float = 0.001,
     seconds: float | None = None,
     take_events: Callable[[np.ndarray], None] | None = None,
-) -> Iterator[LiveImage]:
+) -> Iterator[tuple[TimedImage, int, int]]:
     """The newest frame of a device, or the histogram of its newest N events, as ``settings`` have it, once so
-    many are new, as long as it runs, or for so many seconds; a wider one where its time is after the image
-    before.
+    many are new, as long as it runs, or for so many seconds; with it the time of its newest event (us), and
+    how many images were skipped before it.
 
     Nothing queues: what could not be looked at in time is counted as skipped, so that a slow machine answers
     late for few images, not later and later for all.  ``take_events`` is called with all events (M,) that
@@ -104,7 +93,7 @@ def newest_images(
             continue
         if modality == "rgb":
             t_us, frame = pending[-1]
-            yield LiveImage(t_us, frame, t_us, len(pending) - 1)
+            yield TimedImage(t_us, frame), t_us, len(pending) - 1
             continue
         come = concatenate_events(pending)
         if take_events is not None and len(come):
@@ -117,4 +106,4 @@ def newest_images(
         skipped, fresh = fresh // count - 1, 0
         first, *wider = window_histograms(recent, count, device.size_px, before_us, factor)
         before_us, image = first
-        yield LiveImage(before_us, image, int(recent["t_us"][-1]), skipped, *wider)
+        yield TimedImage(before_us, image, *wider), int(recent["t_us"][-1]), skipped

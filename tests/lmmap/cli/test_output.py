@@ -67,6 +67,20 @@ def test_a_full_or_closed_stdout_is_one_line():
         assert run.stderr.count("\n") == 1
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
+def test_a_full_stdout_is_one_line_also_after_notes(command, monkeypatch, capsys):
+    def tell():
+        warnings.warn("a note", stacklevel=1)
+        print("an answer")
+
+    command(tell)
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert main.main(["info", str(DRAWN)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("lmmap: stdout: cannot write (No space left") and err.count("\n") == 1
+
+
 def test_a_missing_module_without_a_name_is_a_missing_package(monkeypatch):
     def lacks():
         raise ModuleNotFoundError("something is missing")
