@@ -61,11 +61,10 @@ def temporary(path) -> Iterator[Path]:
     part = part_of(path)
 
     def remove() -> None:
-        if part.is_dir() and not part.is_symlink():
-            shutil.rmtree(part, ignore_errors=True)
-        else:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
+        if part.is_dir():
+            shutil.rmtree(part, ignore_errors=True)  # which leaves links
+        with suppress(OSError):
+            part.unlink()
 
     with lock(path, "writing"):
         remove()

@@ -84,12 +84,8 @@ def _check_clock(a: Namespace, stream: Stream) -> None:
 
 def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimate]:
     """One camera's estimates."""
-    estimates = []
     with Bar(stream, estimator.modality) as bar:
-        for e in estimate(stream, estimator, rate_hz):
-            estimates.append(e)
-            bar.add(e)
-    return estimates
+        return [bar.add(e) for e in estimate(stream, estimator, rate_hz)]
 
 
 def _error_tables(a: Namespace, stream: Stream, estimates: dict, port: Port) -> dict[str, pd.DataFrame]:

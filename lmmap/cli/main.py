@@ -94,9 +94,10 @@ def _notes():
         warnings.showwarning = show
         try:
             yield
-        except (InputError, MemoryError, OSError) as error:
-            if not isinstance(error, BrokenPipeError):
-                waiting.clear()
+        except BrokenPipeError:
+            raise
+        except (InputError, MemoryError, OSError):
+            waiting.clear()
             raise
         finally:
             tell()

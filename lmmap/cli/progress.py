@@ -38,8 +38,8 @@ class Bar(tqdm):
         self._first_us, self._began = span[0] if span else None, time.monotonic()
         self.images = self.poses = 0
 
-    def add(self, estimate: Estimate) -> None:
-        """Count an image, and advance to its time."""
+    def add(self, estimate: Estimate) -> Estimate:
+        """Count an image, and advance to its time; the estimate."""
         self.images += 1
         self.poses += estimate.T_cam_port is not None
         self._first_us = estimate.t_us if self._first_us is None else self._first_us
@@ -48,6 +48,7 @@ class Bar(tqdm):
         self.set_postfix_str(text, refresh=False)
         seconds = (estimate.t_us - self._first_us) * 1e-6
         self.update(max(0.0, (min(seconds, self.total) if self.total else seconds) - self.n))
+        return estimate
 
 
 def status_colour(status: str) -> str:

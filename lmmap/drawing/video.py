@@ -51,7 +51,6 @@ class Video:
         self.folder = path.with_name(path.name + ".parts")  # of the segments
         self._begun = self.folder / f"begun{path.suffix}" if self.goes_on else path
         self._writer, self._pictures = None, 0
-        self._held = ExitStack()
 
     @property
     def _segments(self) -> list[Path]:
@@ -87,20 +86,17 @@ class Video:
         remove_folder(self.folder)
 
     def __enter__(self):
-        self._held.enter_context(writes(self.path))
-        if not self.goes_on:
-            return self
-        self._held.enter_context(lock(self.path))
-        try:
-            if self._resume and self.folder.exists():
-                check_own(self.folder)
-                check_mark(self.folder, self.folder / MARK, self._made_of)
-            else:
-                begin_folder(self.folder, as_mark(self._made_of))
-        except BaseException:
-            self._held.close()
-            raise
-        self.kept = sum(_count(segment) for segment in self._segments)
+        with ExitStack() as held:
+            held.enter_context(writes(self.path))
+            if self.goes_on:
+                held.enter_context(lock(self.path))
+                if self._resume and self.folder.exists():
+                    check_own(self.folder)
+                    check_mark(self.folder, self.folder / MARK, self._made_of)
+                else:
+                    begin_folder(self.folder, as_mark(self._made_of))
+                self.kept = sum(_count(segment) for segment in self._segments)
+            self._held = held.pop_all()
         return self
 
     def __exit__(self, *error):

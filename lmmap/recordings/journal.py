@@ -14,6 +14,7 @@ from ..marks import as_mark, check_mark
 from ..types import Estimate, InputError, Status
 from .pose_files import COLUMNS, as_row, parse_estimates, parse_trajectory, tum_line
 
+LISTS = ("timestamps.txt", "images.txt", "metadata.yaml")  # of a folder
 PART = ".lmmap-part"  # how the name of an unfinished file ends
 ENDS_BYTES = 2**20  # of a recording, at both ends, by which it is known again
 
@@ -61,7 +62,6 @@ class Journal:
         self._resume, self._made_of = resume, made_of
         self._file = None
         self._whole = 0  # bytes of whole lines to go on behind
-        self._held = ExitStack()
 
     def _read(self) -> None:
         """Take the times and statuses of the lines that are whole."""
@@ -69,25 +69,19 @@ class Journal:
         head = ",".join(COLUMNS).encode() + b"\n"
         if self._made_of is not None:
             check_mark(self.kept_in, _mark_of(self.kept_in), self._made_of)
-        whole = content.rfind(b"\n") + 1
+        self._whole = content.rfind(b"\n") + 1
         if self.format == "csv" and not (content.startswith(head) or head.startswith(content)):
             raise InputError(f"{self.kept_in}: has other columns than these; delete it, or give another name")
-        try:
-            text = content[:whole].decode()
-        except UnicodeDecodeError:
-            raise InputError(
-                f"{self.kept_in}: is no table of poses; delete it, or give another name"
-            ) from None
+        text = content[: self._whole].decode(errors="replace")
         if not text.strip():
-            return
-        if self.format == "tum":
+            self._whole = 0
+        elif self.format == "tum":
             self.done_us = parse_trajectory(text, self.kept_in, "tum").t_us.tolist()
             self.statuses = ["ok"] * len(self.done_us)
         else:
             estimates = parse_estimates(text, self.kept_in)
             self.done = {e.t_us: e for e in estimates}
             self.done_us, self.statuses = [e.t_us for e in estimates], [str(e.status) for e in estimates]
-        self._whole = whole
 
     def has(self, *times_us: int) -> bool:
         """Whether an image is done that is estimated at one of these times; `InputError` if its neighbours
@@ -104,19 +98,13 @@ class Journal:
     def add(self, estimate: Estimate) -> None:
         """Write one estimate; it is on disk when this returns."""
         self.statuses.append(str(estimate.status))
-        if self.format == "tum":
-            seen = estimate.status == Status.OK  # the format cannot say that a pose is a prediction
-            self._write(tum_line(estimate.t_us, estimate.T_cam_port) if seen else "")
-            return
-        text = io.StringIO()
-        csv.DictWriter(text, COLUMNS, lineterminator="\n").writerow(as_row(estimate))
-        self._write(text.getvalue())
-
-    def _write(self, text: str) -> None:
         try:
             if self._file is None:
                 self._open()
-            self._file.write(text)
+            if self.format == "csv":
+                csv.DictWriter(self._file, COLUMNS, lineterminator="\n").writerow(as_row(estimate))
+            elif estimate.status == Status.OK:  # the format cannot say that a pose is a prediction
+                self._file.write(tum_line(estimate.t_us, estimate.T_cam_port))
             self._file.flush()
         except OSError as error:
             raise InputError(
@@ -143,24 +131,14 @@ class Journal:
         self._file = self.kept_in.open("w", newline="")
         self._file.write(head)
 
-    def _replace(self) -> None:
-        """Give the estimates the name of the older file, which they replace."""
-        with writes(self.path):
-            _mark_of(self._target).unlink(missing_ok=True)
-            os.replace(self._part, self._target)
-            if self._made_of is not None:
-                os.replace(_mark_of(self._part), _mark_of(self._target))
-
     def __enter__(self):
-        self._held.enter_context(lock(self.path))
-        try:
+        with ExitStack() as held:
+            held.enter_context(lock(self.path))
             there = not is_special(self.path) and os.path.exists(self._part if self._resume else self.path)
             self.kept_in = self._part if there else self._target
             if self._resume and self.kept_in.is_file():
                 self._read()
-        except BaseException:
-            self._held.close()
-            raise
+            self._held = held.pop_all()
         self._times = set(self.done_us)
         return self
 
@@ -171,7 +149,11 @@ class Journal:
                     self._file.close()
             begun = self._file is not None or self._whole
             if self.kept_in == self._part and begun and error is None and self.is_whole:
-                self._replace()
+                with writes(self.path):
+                    _mark_of(self._target).unlink(missing_ok=True)
+                    os.replace(self._part, self._target)
+                    if self._made_of is not None:
+                        os.replace(_mark_of(self._part), _mark_of(self._target))
 
 
 def _mark_of(path: Path) -> Path:
@@ -186,16 +168,8 @@ def recording_mark(path) -> dict:
     """
     path = Path(path)
     if path.is_dir():
-        lists = [
-            path / name
-            for name in ("timestamps.txt", "images.txt", "metadata.yaml")
-            if (path / name).is_file()
-        ]
-        return {
-            "name": path.name,
-            "files": len(list(path.iterdir())),
-            "list": [recording_mark(p) for p in lists],
-        }
+        marks = [recording_mark(path / name) for name in LISTS if (path / name).is_file()]
+        return {"name": path.name, "files": len(list(path.iterdir())), "list": marks}
     size, digest = path.stat().st_size, hashlib.sha256()
     with path.open("rb") as file:
         digest.update(file.read(ENDS_BYTES))
