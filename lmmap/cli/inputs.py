@@ -156,7 +156,7 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
     path, count = stream.source.path, settings.events_per_window
     if modality == "rgb":
         return InputError(f"{path}: holds no frames; try --modality event")
-    runs = [(len(e), *e["t_us"][[0, -1]]) for e in stream.chunks() if len(e)] if rate_hz else []
+    runs = [(len(e), *e["t_us"][[0, -1]]) for e in stream.chunks()] if rate_hz else []
     if sum(n for n, *_ in runs) >= count:
         seconds = (runs[-1][2] - runs[0][1]) * 1e-6
         text = f"lasts {seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from lmmap.cli.inputs import leave_out
+from lmmap.cli.inputs import check_rate, leave_out
 from lmmap.files import CAMERA, check_output, write_text
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
@@ -82,8 +82,7 @@ def calibrate(a: Namespace) -> None:
         calibrate_board(a)
         return
     leave_out(a, "calibrate: no --board is given", "square")
-    if not 0 < a.rate < 1e4:
-        raise InputError(f"--rate {a.rate:g}: give a number of detections per second between 0 and 10000")
+    check_rate("--rate", a.rate, "detections")
     output = check_output(a.output or a.bags[0].parent / RIG_FILE, _inputs(a), overwrite=a.overwrite)
     hand_eye = _hand_eye(a)
     camera, port, detections = Camera.load(a.camera) if a.camera else None, Port.lm_map(), []

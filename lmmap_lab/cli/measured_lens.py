@@ -8,7 +8,7 @@ import warnings
 from argparse import Namespace
 from dataclasses import replace
 
-from lmmap.cli.inputs import leave_out
+from lmmap.cli.inputs import check_rate, leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.webcam import assumed
@@ -27,8 +27,7 @@ def calibrate_lens(a: Namespace) -> None:
     leave_out(a, "--focal: measures a lens, not a rig", *others)
     if len(a.bags) > 1 or a.modality != "rgb":
         raise InputError("--focal: measures from the frames of one recording; give one, and no --modality")
-    if not 0 < a.rate < 1e4:
-        raise InputError(f"--rate {a.rate:g}: give a number of images per second between 0 and 10000")
+    check_rate("--rate", a.rate, "images")
     path = a.bags[0]
     output = check_output(
         a.output or path.with_suffix(".camera.json"), [path, a.camera], overwrite=a.overwrite

@@ -7,7 +7,7 @@ import warnings
 from argparse import Namespace
 from dataclasses import replace
 
-from lmmap.cli.inputs import input_files, leave_out
+from lmmap.cli.inputs import check_rate, input_files, leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.types import InputError, Port
@@ -27,8 +27,7 @@ def calibrate_port(a: Namespace) -> None:
         raise InputError(
             f"--port: measures from one recording, got {len(a.bags)}; give the one of most views"
         )
-    if not 0 < a.rate < 1e4:
-        raise InputError(f"--rate {a.rate:g}: give a number of images per second between 0 and 10000")
+    check_rate("--rate", a.rate, "images")
     path, standard = a.bags[0], Port.lm_map()
     output = check_output(a.output or path.parent / PORT_FILE, input_files(a), overwrite=a.overwrite)
     stream = open_stream(path, a.camera)
