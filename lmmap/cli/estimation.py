@@ -82,13 +82,8 @@ def estimate(a: Namespace) -> None:
 
 
 def _check(a: Namespace):
-    """The bag that is asked for, if one is.
-
-    Raises
-    ------
-    InputError
-        Where what is asked for does not go together, or an output may not be written.
-    """
+    """The bag that is asked for, if one is; `InputError` where options do not go together, or an output may
+    not be written."""
     shown = _views(a).values()
     for path in shown:
         if a.resume and path.exists():

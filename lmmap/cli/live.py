@@ -35,7 +35,7 @@ from .inputs import (
     read_from,
     table_format,
 )
-from .progress import add_colour, status_colour, summary
+from .progress import in_its_colour, summary
 
 
 def live(a: Namespace) -> None:
@@ -142,7 +142,7 @@ class _Between:
 def _line(e: Estimate, late_ms: float, as_json: bool) -> str:
     if as_json:
         return json.dumps(_facts(e, late_ms))
-    status, T = add_colour(f"{e.status:10}", status_colour(e.status)), e.T_cam_port
+    status, T = in_its_colour(f"{e.status:10}", e.status), e.T_cam_port
     place = "" if T is None else "  x {:7.1f}  y {:7.1f}  z {:7.1f} mm".format(*1e3 * T.position_m)
     return f"{e.t_us * 1e-6:10.3f} s  {status}{place}  {late_ms:5.0f} ms late"
 

@@ -21,6 +21,11 @@ def add_colour(text, colour: str, file=None) -> str:
     return f"{colour}{text}{PLAIN}" if file.isatty() and not os.environ.get("NO_COLOR") else str(text)
 
 
+def in_its_colour(text: str, status: str) -> str:
+    """A text in the colour of a status, as `add_colour`."""
+    return add_colour(text, GREEN if status == Status.OK else RED)
+
+
 class Bar(tqdm):
     """Progress in seconds of the recording, with its ``images`` so far and how many of them have a pose
     (``poses``).
@@ -51,11 +56,7 @@ class Bar(tqdm):
         return estimate
 
 
-def status_colour(status: str) -> str:
-    return GREEN if status == Status.OK else RED
-
-
 def summary(counts: Counter[str]) -> str:
     """The number of images, and of each status among them."""
-    each = (add_colour(f"{n} {status}", status_colour(status)) for status, n in sorted(counts.items()))
+    each = (in_its_colour(f"{n} {status}", status) for status, n in sorted(counts.items()))
     return f"{counts.total()} images; " + ", ".join(each)

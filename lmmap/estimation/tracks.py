@@ -19,52 +19,44 @@ def track(
     recording: AnyRecording, estimators: Mapping[str, Estimator], rate_hz: float | None,
     between_hz: float | None, name: str,
 ) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
-    """`track_images` of a recording or, with ``between_hz``, `track_between`, by all estimators; `in_accord`,
-    whose warning begins with ``name``, and `in_place`."""
+    """`track_images` of a recording by all estimators; `in_accord`, whose warning begins with ``name``, and
+    `in_place`."""
     shots = [timed_images(recording, m, e.settings, rate_hz) for m, e in estimators.items()]
     timed = heapq.merge(*shots, key=lambda shot: shot.t_us)
     tracker = Tracker(*estimators.values(), events=bool(between_hz))
-    if between_hz:
-        answers = track_between(timed, tracker, recording.chunks(), between_hz)
-    else:
-        answers = track_images(timed, tracker)
+    answers = track_images(timed, tracker, recording.chunks() if between_hz else (), between_hz)
     settings = next(iter(estimators.values())).settings
     return in_place(in_accord(answers, tracker.discord, name), settings)
 
 
-def track_images(timed: Iterable[TimedImage], tracker: Tracker) -> Iterator[tuple[np.ndarray, Estimate]]:
-    """``(image, answer)`` of each `TimedImage`, in the order of time; an image whose time is not after its
-    camera's last is passed over.
+def track_images(
+    timed: Iterable[TimedImage], tracker: Tracker, chunks: Iterable[np.ndarray] = (),
+    between_hz: float | None = None,
+) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
+    """``(image, answer)`` of each `TimedImage`, in the order of time, and with ``between_hz`` also
+    ``(None, answer)`` at its ticks from the first image on, by images and events until then, where there is a
+    track.
 
-    Of two images, the one of N events and the wider one, the image is that of the answer's time.
-    """
-    return (_answer(shot, tracker) for shot in _in_order(timed))
-
-
-def track_between(
-    timed: Iterable[TimedImage], tracker: Tracker, chunks: Iterable[np.ndarray], rate_hz: float
-) -> Iterator[tuple[np.ndarray | None, Estimate]]:
-    """`track_images`, and between them ``(None, answer)`` at ticks of ``rate_hz`` from the first image on,
-    by images and events until then, where there is a track.
+    Of two images, the one of N events and the wider one, the image is that of the answer's time.  An image
+    whose time is not after its camera's last is passed over.
 
     Parameters
     ----------
-    timed, tracker
-        As there, of a tracker with ``events``.
     chunks
-        The camera's events, (M,) EVENT each, in the order of time.
+        The camera's events, (M,) EVENT each, in the order of time, for a tracker with ``events``.
     """
-    events, first_us, last_us = _Events(chunks), None, None
+    events, first_us, last_us = _Events(chunks), 0, None
     for shot in _in_order(timed):
-        first_us, last_us = (shot.t_us, shot.t_us) if first_us is None else (first_us, last_us)
-        assert last_us is not None  # as there is a first
         answers: list[tuple[np.ndarray | None, Estimate]] = []
-        for t_us in _ticks(first_us, last_us, shot.t_us, rate_hz):
+        if last_us is None:
+            first_us = last_us = shot.t_us
+        for t_us in _ticks(first_us, last_us, shot.t_us, between_hz) if between_hz else ():
             events.tell(tracker, t_us)
             if (e := tracker.at(t_us)).T_cam_port is None:
                 break
             answers.append((None, e))
-        events.tell(tracker, shot.t_us)
+        if between_hz:
+            events.tell(tracker, shot.t_us)
         answers.append(_answer(shot, tracker))  # a wider image is older than the last ticks
         last_us = shot.t_us
         yield from sorted(answers, key=lambda answer: answer[1].t_us)

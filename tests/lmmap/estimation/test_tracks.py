@@ -6,7 +6,7 @@ from strategies import cut
 from test_tracker import STEP_US, Scene, of_the_push, pushed
 
 from lmmap.estimation.images import TimedImage
-from lmmap.estimation.tracks import track_between, track_images
+from lmmap.estimation.tracks import track_images
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import EVENT, Status
 
@@ -20,7 +20,7 @@ def shots():
 
 def both(chunks, rate_hz=200.0):
     """Answers to images and to ticks."""
-    answers = list(track_between(shots(), Tracker(SCENE.estimator(), events=True), chunks, rate_hz))
+    answers = list(track_images(shots(), Tracker(SCENE.estimator(), events=True), chunks, rate_hz))
     assert [e.t_us for _, e in answers] == sorted({e.t_us for _, e in answers})
     images = [e for image, e in answers if image is not None]
     return images, [e for image, e in answers if image is None]
@@ -58,6 +58,6 @@ def test_a_gap_costs_no_ticks():
     """An hour without an image: ticks end with the track."""
     late = [*shots(), TimedImage(3_600_000_000, SCENE.image(7))]
     tracker = Tracker(SCENE.estimator(), events=True)
-    answers = list(track_between(late, tracker, [np.zeros(0, EVENT)], 200.0))
+    answers = list(track_images(late, tracker, [np.zeros(0, EVENT)], 200.0))
     lost_us = 7 * STEP_US + 1e6 * tracker.settings.between.motion.lost_s
     assert answers[-1][1].t_us == 3_600_000_000 and answers[-2][1].t_us <= lost_us < 2_000_000
