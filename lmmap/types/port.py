@@ -59,7 +59,8 @@ class Port:
         if not 0 < self.ring_inner_radius_m < self.ring_radius_m < self.ring_outer_radius_m:
             radii_m = self.ring_inner_radius_m, self.ring_radius_m, self.ring_outer_radius_m
             raise ValueError(
-                f"inner, ring_radius_m, outer: expected 0 < inner < ring_radius_m < outer, got {radii_m}"
+                "ring_inner_radius_m, ring_radius_m, ring_outer_radius_m: expected the radius of the ring "
+                f"between two edges, and all above zero, got {radii_m}"
             )
         check_number("symmetry", self.symmetry, *SYMMETRY)
         for name in ("plate_circumradius_m", "plate_height_m", "marker_radius_m"):

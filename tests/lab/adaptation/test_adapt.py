@@ -1,6 +1,7 @@
 """From a recording to networks of its own: what is written, what a killed run does, what must not teach."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from shutil import copytree
 
@@ -19,12 +20,13 @@ from lmmap.types import Recording
 from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import learning, self_labels
 
-STEPS = 60
+STEPS = 200
+FIRST = "light"  # a quarter of the other sets' arithmetic
 NAMES = [weight_path(name, "rgb", "low").name for name in FILTERS]
 
 
 def adapt(recording, folder, **options):
-    options = {"steps": STEPS, "report": lambda line: None} | options
+    options = {"weights": FIRST, "steps": STEPS, "report": lambda line: None} | options
     return adapting.adapt(recording, folder, ("rgb",), **options)["rgb"]
 
 
@@ -54,7 +56,7 @@ def learned(tmp_path_factory):
 
 def same_networks(folder) -> bool:
     """Whether a folder holds the shipped networks."""
-    pairs = [(folder / name, weight_path(f, "rgb", "robust")) for f, name in zip(FILTERS, NAMES, strict=True)]
+    pairs = [(folder / name, weight_path(f, "rgb", FIRST)) for f, name in zip(FILTERS, NAMES, strict=True)]
     both = [[load_filter(path, "rgb").state_dict() for path in pair] for pair in pairs]
     return all((new[k] == old[k]).all() for new, old in both for k in old)
 
@@ -62,12 +64,12 @@ def same_networks(folder) -> bool:
 def test_networks_that_learned_find_more_and_nothing_wrong(learned):
     folder, outcome = learned
     assert outcome.taken and not same_networks(folder)
-    before, after = (right_and_wrong(places.recording(), weights) for weights in ("robust", folder))
+    before, after = (right_and_wrong(places.recording(), weights) for weights in (FIRST, folder))
     assert after[0] > before[0] and after[1] <= before[1]
 
 
 def test_a_sure_pose_stays(learned):
-    old, both = (Estimator(places.CAMERA, PORT, "rgb", weights) for weights in ("robust", learned[0]))
+    old, both = (Estimator(places.CAMERA, PORT, "rgb", weights) for weights in (FIRST, learned[0]))
     before, after = (list(estimate(places.recording(), e)) for e in (old, both))
     assert both.learned and not old.learned
     added = [b.T_cam_port is None and a.T_cam_port is not None for b, a in zip(before, after, strict=True)]
@@ -172,5 +174,7 @@ def test_what_must_not_teach_makes_no_more_poses_wrong(hostile, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         recording, port = hostile(patch)
         adapt(recording, tmp_path, port=port)
-    before, after = (right_and_wrong(recording, weights, port) for weights in ("robust", tmp_path))
+    said = nullcontext() if port == PORT else pytest.warns(UserWarning, match="measure the port")
+    with said:
+        before, after = [right_and_wrong(recording, weights, port) for weights in (FIRST, tmp_path)]
     assert after[1] <= before[1] and after[0] >= before[0]

@@ -56,11 +56,11 @@ def test_a_simulated_clip_is_within_its_interval():
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory):
-    """Fourteen views by a lens of 46 degrees, in a video."""
+    """Eighteen views by a lens of 46 degrees, in a video."""
     path, rng = tmp_path_factory.mktemp("lens") / "clip.avi", np.random.default_rng(5)
     camera = Camera(480, 360, 560, 560, 241, 178, (-0.1, 0, 0, 0))
     video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5, camera.size_px)
-    for _ in range(14):
+    for _ in range(18):
         video.write(cv2.cvtColor(lens_coverage.draw_view(camera, Port.lm_map(), rng)[1], cv2.COLOR_GRAY2BGR))
     video.release()
     return path, camera
