@@ -90,7 +90,7 @@ lint: env  ## ruff, formatting, types, and the floors (imports run downward only
 
 book: env  ## build the book, making the results that are absent or old; warnings are errors
 	@echo "book: results, profile $(PROFILE)"
-	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE)
+	@$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --jobs $(or $(JOBS),$(if $(filter quick,$(PROFILE)),2,1))
 	@$(if $(DATA),$(BIN)/python -m lmmap reproduce --profile $(PROFILE) --data "$(DATA)"$(if $(ADAPT), --adapt))
 	@$(BIN)/python -c 'import matplotlib.pyplot' 2>/dev/null  # its first import may talk about fonts, in a cell
 	@echo "book: building; chapters run only when they, the module or the data changed"

@@ -6,6 +6,7 @@ import hashlib
 import re
 import shutil
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
@@ -13,10 +14,13 @@ from urllib.parse import quote
 import nbformat
 from docutils import nodes
 from jupyter_cache import get_cache
+from jupyter_cache.base import CacheBundleIn
+from jupyter_cache.executors.utils import single_nb_execution
 from lmmap_icons import slim
 from lmmap_notebooks import known_numbers, readable
 from lmmap_settings import hide_signature, list_fields
 from lmmap_sources import sources
+from myst_nb.core.read import create_nb_reader
 from PIL import Image
 from sphinx.addnodes import pending_xref
 
@@ -36,6 +40,32 @@ def name_cache(app, config) -> None:
         if old != current:
             shutil.rmtree(old)
     config.nb_execution_cache_path = str(current)
+
+
+def run_ahead(app, env, docnames) -> None:
+    """Run the chapters that are not in the cache, two at a time, before Sphinx reads the pages one by one.
+
+    A chapter that fails is left to myst-nb, which runs it again and reports the cell.
+    """
+    cache, settings, waiting = get_cache(app.config.nb_execution_cache_path), env.mystnb_config, []
+    for path in map(Path, map(env.doc2path, docnames)):
+        reader = create_nb_reader(str(path), env.myst_config, settings, text := path.read_text())
+        if reader is not None:
+            notebook = reader.read(text)
+            try:
+                cache.match_cache_notebook(notebook)
+            except KeyError:
+                waiting.append((path, notebook))
+
+    def run(chapter):
+        path, notebook = chapter
+        return single_nb_execution(notebook, str(path.parent), settings.execution_timeout, allow_errors=False)
+
+    with ThreadPoolExecutor(2) as kernels:
+        for (path, notebook), result in zip(waiting, kernels.map(run, waiting), strict=True):
+            if result.err is None:
+                bundle = CacheBundleIn(notebook, str(path), data={"execution_seconds": result.time})
+                cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
 
 
 def name_style(app, config) -> None:
@@ -204,6 +234,7 @@ def setup(app):
     app.connect("config-inited", name_cache)
     app.connect("config-inited", name_style)
     app.connect("config-inited", order_search)
+    app.connect("env-before-read-docs", run_ahead)
     app.connect("source-read", list_modules)
     app.connect("autodoc-process-docstring", escape_mathematics, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", list_fields, priority=600)  # after napoleon
