@@ -28,6 +28,7 @@ from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, Pose
 from lmmap_lab.bench.event_sensor import EventSensor, SensorSettings
 from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.networks import set_hashes
 
 DEPTHS, HZ, IMAGES_HZ, SECONDS, LOOK_S = (0.0, 0.05, 0.1, 0.3, 1.0), 100.0, 1000, 0.3, 0.02
 SCENES = (3, 17)
@@ -99,7 +100,8 @@ def main() -> None:
     print(table.groupby("depth").sum(numeric_only=True))
     if save:
         command = "python benchmarks/flicker.py --save"
-        save_table(DATA / "results" / "flicker.csv", table, command=command, networks=faster_precision())
+        networks = {"networks": set_hashes(OURS.weights), "computed_in": faster_precision()}
+        save_table(DATA / "results" / "flicker.csv", table, command=command, **networks)
 
 
 if __name__ == "__main__":

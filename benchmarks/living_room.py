@@ -31,6 +31,7 @@ from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.paper_port import net
 from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.networks import set_hashes
 
 PORT = Port.lm_map()
 SKIMAGE = ("astronaut.png", "brick.png", "cell.png", "chelsea.png", "clock_motion.png", "coffee.png",
@@ -287,7 +288,8 @@ def main() -> None:
     print(table.sum(numeric_only=True).to_string())
     if a.save:
         command = f"python benchmarks/living_room.py --save --poses {a.poses} --circles {a.circles}"
-        save_table(DATA / "results" / "paper-port.csv", table, command=command, networks=faster_precision())
+        networks = {"networks": set_hashes(OURS.weights), "computed_in": faster_precision()}
+        save_table(DATA / "results" / "paper-port.csv", table, command=command, **networks)
 
 
 if __name__ == "__main__":
