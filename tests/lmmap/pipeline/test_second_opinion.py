@@ -120,7 +120,8 @@ def test_only_a_folder_that_keeps_networks_from_before_has_a_second_opinion(fold
 
 
 def test_the_command_line_asks_both(folder):
-    a = Namespace(rate=None, events=None, weights=folder, port=None, recording=folder / "run.h5")
+    asked = {"modality": "event", "rate": None, "events": None, "port": None}
+    a = Namespace(weights=folder, recording=folder / "run.h5", **asked)
     assert make_estimator(a, CAMERA, "rgb").learned is not None
 
 
