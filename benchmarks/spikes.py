@@ -27,7 +27,7 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.weights import FILTERS, load_card, weight_path
 from lmmap.types import Camera, Port
 from lmmap_lab.bench.laboratory import sequence, sequence_motion
-from lmmap_lab.provenance import DERIVED_DATA, ROOT, fingerprint, save_table, source_files
+from lmmap_lab.provenance import DERIVED_DATA, ROOT, fingerprint, save_table
 from lmmap_lab.studies import spikes
 from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.training.slices import make_windows
@@ -159,8 +159,8 @@ def main() -> None:
     files = [path for path in files if ".ckpt" not in path.name]
     hashes = {path.stem: hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in files}
     hashes |= {name: load_card(weight_path(name, "event", spikes.GAP))["sha256"][:12] for name in FILTERS}
-    sources = source_files("lmmap_lab.studies.spikes"), str(spikes.CEILINGS.relative_to(ROOT))
-    mark = fingerprint(str(hashes), patterns=[*sources[0], sources[1]])[:12]
+    ceilings = str(spikes.CEILINGS.relative_to(ROOT))
+    mark = fingerprint(str(hashes), code=(judge, spikes), files=(ceilings,))[:12]
     tasks = (joblib.delayed(judge)(name, mark, asked.device, asked.trained) for name in names)
     parts = []
     for part in joblib.Parallel(asked.jobs, return_as="generator")(tasks):

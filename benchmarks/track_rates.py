@@ -24,26 +24,23 @@ from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.bench import laboratory
-from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table, source_files
+from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
 from lmmap_lab.studies import accuracy_run, sequence_files, tracks
 from lmmap_lab.studies.archive import pack, unpack
 from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.table1 import LIGHTS
 
 TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0
-SOURCES = (*source_files("lmmap_lab.studies.tracks"), "benchmarks/track_rates.py")
 
 
-def kept(path: Path, modality: str, name: str, seconds: float, packed: bool, make) -> pd.DataFrame:
+def kept(path: Path, mark: str, name: str, seconds: float, packed: bool, make) -> pd.DataFrame:
     """A table of errors, made unless the one in its file is of the present tracker, networks and sequence."""
     done, archive = path.with_suffix(".done"), accuracy_run.COMMITTED / "sequences" / f"{path.stem}.zip"
-    facts = path.name, name, str(seconds)
-    mark = sequence_files.estimates_fingerprint(modality, OURS.weights, *facts, sources=SOURCES)
     if not has_mark(done, mark):
         if not (packed and unpack(archive, path.parent, mark)):
             save_table(path, make(), seed=name, seconds=seconds)
             if packed:
-                pack(archive, [path], path.parent, mark)
+                pack(archive, [path], path.parent, mark, seed=name, seconds=seconds)
         write_text(done, mark)
     return pd.read_csv(path)
 
@@ -58,7 +55,8 @@ def tables_of(name: str, seconds: float, folder: Path, profile: str | None) -> l
                 recording = sequence_files.bench_recording(name, seconds, folder, print)
                 return function(recording, Estimator(recording.camera, modality=modality))
 
-            return kept(path, modality, name, seconds, profile == "paper", make)
+            mark = tracks.mark(name, modality, seconds, function)
+            return kept(path, mark, name, seconds, profile == "paper", make)
 
         alone = folder / f"errors-{accuracy_run.label(name, modality, OURS.weights)}.csv"
         errors = pd.read_csv(alone) if profile else made(alone, tracks.errors_frame_by_frame)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 import os
 import platform
 import subprocess
-from functools import cache
+import warnings
+from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 
+import llvmlite.binding
 import numpy as np
 import pandas as pd
 
@@ -19,15 +21,17 @@ from lmmap.files import InputError, write_text
 from lmmap.shipped import CHECKOUT, DATA, ROOT
 from lmmap.types import Port
 
+from .meaning import meaning
+
 # whatever the laboratory computes goes into results or is compared with them: processors shall round alike
 os.environ.setdefault("LMMAP_PRECISION", "float32")
-HOUSES = ("lmmap", "lmmap_lab")
 DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
-PAGE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "data/mini/*", "data/paper/*",
-            "data/*.json", "data/results/**/*.[cjt]*", "data/derived/{profile}/*.[cj]s*",
-            "data/derived/recordings/*/told.txt", "book/_static/*.js", "environment.txt")  # fmt: skip
-MODULE_SOURCES = ("lmmap/**/*.py", "lmmap_lab/**/*.py", "data/weights/*", "environment.txt")
+PAGE_SOURCES = ("lmmap/**/*.py", "lmmap_readers/**/*.py", "lmmap_lab/**/*.py", "data/weights/*",
+            "data/mini/*", "data/paper/*", "data/*.json", "data/results/**/*.[cjt]*",
+            "data/derived/{profile}/*.[cj]s*", "data/derived/recordings/*/told.txt", "book/_static/*.js",
+            "environment.txt")  # fmt: skip
+PINS = "environment.txt"
 PACKAGES = ("numpy", "scipy", "torch", "opencv-python-headless", "scikit-image", "numba", "dv-processing")
 
 
@@ -47,46 +51,39 @@ def made_results() -> Path:
     return folder
 
 
-@cache
-def source_files(*modules: str) -> tuple[str, ...]:
-    """Source files of modules (``"lmmap.estimation.estimates"``) and of all that they import, relative to the
-    checkout."""
-    waiting, files = [ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in modules], set()
-    while waiting:
-        path = waiting.pop()
-        if path not in files:
-            files.add(path)
-            imports = [n for n in ast.walk(ast.parse(path.read_bytes())) if isinstance(n, ast.ImportFrom)]
-            waiting += [file for n in imports for file in _imported_files(path, n)]
-    return tuple(sorted(str(path.relative_to(ROOT)) for path in files))
+def fingerprint(*facts: str, code: Iterable[Callable | ModuleType] = (), files: Iterable[str] = ()) -> str:
+    """Hash of what a result depends on.
 
-
-def _imported_files(path: Path, statement: ast.ImportFrom) -> list[Path]:
-    """Files of our packages that an import names: a module, or modules or words of a folder."""
-    names = (statement.module or "").split(".")
-    if not statement.level and names[0] not in HOUSES:
-        return []
-    folder = (path.parents[statement.level - 1] if statement.level else ROOT).joinpath(*names)
-    named = [folder / f"{alias.name}.py" for alias in statement.names]
-    words = [] if all(file.exists() for file in named) else [folder / "__init__.py"]
-    return [file for file in (folder.with_suffix(".py"), *named, *words) if file.exists()]
-
-
-def fingerprint(*extra: str, patterns=MODULE_SOURCES) -> str:
-    """Hash of what a result depends on; by default the module, the weights and the environment's pins.
+    Parameters
+    ----------
+    facts
+        What it was made with: its sequence, a rate.
+    code
+        Functions, classes and modules that make it; they count by their `meaning`.
+    files
+        Files by patterns relative to the checkout.  They count by name and content, wherever they lie; of
+        `PINS` the `pins` count.
 
     Raises
     ------
     ValueError
         For a pattern without a file: such a hash would not notice a change.
     """
-    digest = hashlib.sha256(repr(extra).encode())
-    for pattern in patterns:
+    digest = hashlib.sha256(repr((facts, meaning(*code))).encode())
+    for pattern in files:
         if not (paths := sorted(ROOT.glob(pattern))):
-            raise ValueError(f"patterns: expected files in {ROOT}, got none for {pattern!r}")
+            raise ValueError(f"files: expected some in {ROOT}, got none for {pattern!r}")
         for path in paths:
-            digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+            digest.update(path.name.encode())
+            digest.update(hashlib.sha256(pins() if path == ROOT / PINS else path.read_bytes()).digest())
     return digest.hexdigest()
+
+
+def pins() -> bytes:
+    """The exact versions of `PINS`, in order, without comments and without what only development needs."""
+    sections = (ROOT / PINS).read_text().split("\n\n")
+    lines = [line for text in sections if not text.startswith("# development") for line in text.splitlines()]
+    return "\n".join(sorted(line for line in lines if line and not line.startswith("#"))).encode()
 
 
 def page_fingerprint(root: Path = ROOT) -> str:
@@ -100,18 +97,20 @@ def page_fingerprint(root: Path = ROOT) -> str:
 
 
 def commit() -> str:
-    """The commit of the checkout, with '+' when tracked files other than results differ from it; 'unknown'
-    without git."""
-    git = ["git", "-C", str(ROOT)]
+    """The commit of the checkout, with '+' when other files than results and references are edited or new;
+    'unknown' without git."""
+    made_of = ["--", ".", ":!data/results", ":!data/reference"]
+    git = ["git", "-C", str(ROOT), "status", "--porcelain=v2", "--branch", *made_of]
     try:
-        head = subprocess.run(
-            [*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True
-        )
-        made_of = ["--", ".", ":!data/results"]
-        clean = subprocess.run([*git, "diff", "--quiet", "HEAD", *made_of], check=False).returncode == 0
+        head, *lines = subprocess.run(git, capture_output=True, text=True, check=True).stdout.splitlines()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return head.stdout.strip() + ("" if clean else "+")
+    return head.removeprefix("# branch.oid ")[:12] + ("+" if any(line[0] != "#" for line in lines) else "")
+
+
+def processor() -> str:
+    """The kind of processor for which kernels are compiled here, by its microarchitecture."""
+    return llvmlite.binding.get_host_cpu_name()
 
 
 def port_mark() -> str:
@@ -121,18 +120,28 @@ def port_mark() -> str:
 
 
 def provenance(**facts) -> dict:
-    """What made a result: the given facts, commit, networks' precision, port, machine, versions of packages.
+    """What made a result: processor, the given facts, commit, networks' precision, port, packages' versions.
 
     It is the same for two runs of one commit on one machine.
     """
-    return {**facts, "commit": commit(), "precision": os.environ["LMMAP_PRECISION"],
+    return {"processor": processor(), **facts, "commit": commit(), "precision": os.environ["LMMAP_PRECISION"],
             "port": port_mark(), "python": platform.python_version(), "machine": platform.machine(),
             **{name: version(name) for name in PACKAGES}}  # fmt: skip
 
 
+def _provenance_of(path: Path, facts: dict) -> dict:
+    """`provenance`, with a warning if a result that is to be committed comes from no commit."""
+    made = provenance(**facts)
+    own, derived = (folder.resolve() in path.resolve().parents for folder in (DATA, DERIVED_DATA))
+    if own and not derived and made["commit"].endswith(("+", "unknown")):
+        warnings.warn(f"{path}: made by edited files, which nobody can look up; commit them and make it "
+                      "again, for a test refuses it", stacklevel=3)  # fmt: skip
+    return made
+
+
 def save_json(path: Path, values: dict, **facts) -> Path:
     """Write ``values`` with their provenance, whole or not at all."""
-    document = {"values": values, "provenance": provenance(**facts)}
+    document = {"values": values, "provenance": _provenance_of(path, facts)}
     return write_text(path, json.dumps(document, indent=1, sort_keys=True, default=_json_value) + "\n")
 
 
@@ -143,9 +152,8 @@ def load_json(path: Path) -> dict:
 
 def save_table(path: Path, table: pd.DataFrame, **facts) -> Path:
     """Write a CSV, and its provenance as JSON beside it."""
-    write_text(
-        path.with_suffix(".provenance.json"), json.dumps(provenance(**facts), indent=1, sort_keys=True) + "\n"
-    )
+    made = json.dumps(_provenance_of(path, facts), indent=1, sort_keys=True) + "\n"
+    write_text(path.with_suffix(".provenance.json"), made)
     return write_text(path, table.to_csv(index=False, float_format="%.6g"))
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from lmmap.pipeline.weights import shipped_gaps
 from lmmap_lab.bench import laboratory
-from lmmap_lab.provenance import DERIVED_DATA, fingerprint, save_table
+from lmmap_lab.provenance import DERIVED_DATA, PINS, fingerprint, save_table
 from lmmap_lab.studies import accuracy_run, sequence_files
 from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.training.mask_quality import filter_quality, medians
@@ -39,7 +39,7 @@ def judged(name: str, mark: str) -> pd.DataFrame:
 
 
 def main() -> None:
-    mark = fingerprint()[:12]
+    mark = fingerprint(code=(judged,), files=("data/weights/*", PINS))[:12]
     tests = [name for name in accuracy_run.sequences_of("paper") if name.startswith("test-")]
     names = sorted(tests, key=lambda name: LIGHTS.index(name.split("-")[1]))
     table = medians(pd.concat([judged(name, mark).assign(light=name.split("-")[1]) for name in names]))

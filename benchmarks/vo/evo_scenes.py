@@ -42,8 +42,7 @@ CAMERA = Camera.davis346()
 
 def events(scene: scenes.Scene) -> np.ndarray:
     """A scene's events, simulated once."""
-    sources = ("benchmarks/vo/evo/scenes.py", "lmmap_lab/bench/event_sensor.py")
-    path = DERIVED_DATA / "evo" / f"{scene.name}-{fingerprint(patterns=sources)[:12]}.npy"
+    path = DERIVED_DATA / "evo" / f"{scene.name}-{fingerprint(code=(scenes.simulate,))[:12]}.npy"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         np.save(path, scenes.simulate(scene, CAMERA).events)

@@ -25,10 +25,9 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_trajectory, write_trajectory
 from lmmap.types import InputError, Port, Trajectory
-from lmmap_lab.bench import simulate
-from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table, source_files
+from lmmap_lab.bench import sequences, simulate
+from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table
 from lmmap_lab.studies import odometry, odometry_files, sequence_files
-from lmmap_lab.training.dataset import BENCH
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
@@ -61,16 +60,16 @@ def kept(path: Path, mark: str, make) -> bool:
 
 def prepare(name: str, seconds: float, folder: Path) -> str:
     """Simulate and export a sequence; returns a hash of its images, whatever made them."""
-    mark = fingerprint(name, str(seconds), patterns=BENCH)
+    mark = fingerprint(name, str(seconds), code=(sequences.simulate,))
     path = folder / f"{name}.h5"
     say(f"{name}: {seconds:.0f} s")
     kept(path, mark, lambda: simulate.record(name, seconds, path))
-    exported = mark + fingerprint(patterns=source_files("lmmap_lab.studies.odometry_files"))
+    exported = mark + fingerprint(code=(odometry_files.export,))
     kept(
         folder / name, exported, lambda: odometry_files.export(open_recording(path), folder / name, bag=False)
     )
     images = f"{(folder / name).relative_to(ROOT)}/*"
-    return fingerprint(patterns=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
+    return fingerprint(files=(f"{images}.txt", f"{images}.json", f"{images}/*.png"))
 
 
 def run(
@@ -116,7 +115,7 @@ def runs(
         path = folder / "tracks" / f"{method}-{modality}-{name}-{number:02d}.json"
         scripts = (*SCRIPTS, f"benchmarks/vo/{RUNNERS[method]}")
         own = ("benchmarks/vo/evo/*.py",) if method in OWN else (vocabulary,)
-        mark = marks[name] + fingerprint(str(start), patterns=(*scripts, *own))
+        mark = marks[name] + fingerprint(str(start), files=(*scripts, *own))
         kept(path, mark, lambda: path.write_text(
             json.dumps(run(method, modality, name, start * seconds, number, folder, seconds))))  # fmt: skip
         return json.loads(path.read_text())
@@ -150,8 +149,8 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
         counts.write_text(json.dumps(dict(zip(odometry.COUNTS, values, strict=True))))
         say(f"{path.stem}: {len(track)} poses of {len(found)} images")
 
-    sources = ["lmmap_lab/studies/odometry.py"]
-    kept(path, mark + sequence_files.estimates_fingerprint(modality, "low", sources=sources), make)
+    code = (odometry.camera_track,)
+    kept(path, mark + sequence_files.estimates_fingerprint(modality, "low", code=code), make)
     row = {"method": "lmmap", "modality": modality, "sequence": name, "run": 0, "start_s": 0.0}
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
@@ -219,7 +218,7 @@ def main() -> None:
 
 def _vocabulary(words: Path) -> str:
     """Train ORB-SLAM3's vocabulary where it is not there yet; its SHA-256."""
-    mark = fingerprint(patterns=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
+    mark = fingerprint(files=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
     kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
     return subprocess.run(["sha256sum", words], capture_output=True, text=True, check=True).stdout.split()[0]
 

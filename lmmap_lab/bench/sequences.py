@@ -79,8 +79,10 @@ OUR_SETUP = Setup()
 
 
 def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, sensor, skip: int = 0,
-           setup: Setup = OUR_SETUP) -> Iterator[tuple]:  # fmt: skip
-    """Yield ``(t_us, events since the last image, frame or None)`` in order, without the first ``skip``.
+           setup: Setup = OUR_SETUP, keep: Callable[[View], bool] | None = None
+           ) -> Iterator[tuple]:  # fmt: skip
+    """Yield ``(t_us, events since the last image, frame or None)`` in order, without the first ``skip``, or
+    only of the images to ``keep``.
 
     Threads render a few images ahead; ``sensor`` (an `EventSensor`) makes events of them here, in order.
     """
@@ -107,7 +109,7 @@ def stream(seq: Sequence, camera: Camera, port: Port, seconds: float, sensor, sk
     for scene, rays in ((monochrome, event_rays), (colour, frame_rays)):  # compile before threads start
         corner = *scene[:2], scene[2][:1, :1].copy()
         radiance(T_first, corner, rays[:, :1, :1].copy())
-    views = _views(seq, camera, port, seconds, setup)
+    views = list(filter(keep, _views(seq, camera, port, seconds, setup)))
     for t_us, intensity, frame in _compute_ahead(image, views[skip:]):
         yield t_us, sensor(intensity, t_us) if frame is None else np.empty(0, EVENT), frame
 
@@ -154,7 +156,8 @@ def duration_s(seq: Sequence, seconds: float | None, profile: str = "quick") -> 
 
 def simulate(name: str, seconds: float | None = None, progress=None, *, camera: Camera | None = None,
              parts: Path | None = None, sensor: SensorSettings | None = None,
-             setup: Setup = OUR_SETUP, port: Port | None = None) -> Recording:  # fmt: skip
+             setup: Setup = OUR_SETUP, port: Port | None = None,
+             keep: Callable[[View], bool] | None = None) -> Recording:  # fmt: skip
     """Record a sequence with a camera (default: DAVIS 346) that looks at a port (default: LM-MAP).
 
     Parameters
@@ -170,6 +173,9 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
         Parameters of the event sensor.
     setup
         Other lamps, panels, and so on than the laboratory's.
+    keep
+        Images that are rendered, by default all.  Frames do not depend on each other; events depend on all
+        images before them.
 
     Raises
     ------
@@ -184,7 +190,7 @@ def simulate(name: str, seconds: float | None = None, progress=None, *, camera: 
     finished = part_files.resume(parts, event_sensor, made_of)
     skip, part_start_us = (int(finished[-1][k]) for k in ("images", "t_us")) if finished else (0, 0)
     part = {"events": [], "frames": [], "frames_t_us": []}
-    images = stream(seq, camera, port, seconds, event_sensor, skip, setup)
+    images = stream(seq, camera, port, seconds, event_sensor, skip, setup, keep)
     for count, (t_us, events, frame) in enumerate(images, skip + 1):
         if frame is None:
             part["events"].append(events)

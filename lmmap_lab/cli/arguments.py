@@ -138,7 +138,10 @@ def reproduce(commands: Commands) -> None:
 def check(commands: Commands) -> None:
     text = "compare results and pages with the committed ones"
     command = commands.add("check", "lmmap_lab.cli.bench:check", text)
-    command.add_argument("--update", action="store_true", help="make the present ones the reference")
+    does = command.add_mutually_exclusive_group()
+    does.add_argument("--update", action="store_true", help="make the present ones the reference")
+    text = "make a sample of each packed result of earlier code anew; if it is equal, they are of this code"
+    does.add_argument("--carry", action="store_true", help=text)
 
 
 def odometry(commands: Commands) -> None:

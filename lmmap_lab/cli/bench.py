@@ -110,6 +110,11 @@ def reproduce(a) -> None:
 
 def check(a) -> None:
     """Results and pages beside the committed ones."""
+    if a.carry:
+        from ..studies.carry import carry
+
+        carry(lambda line: print(line, flush=True))
+        return
     from ..pages import reference
 
     reference.check(a.update)

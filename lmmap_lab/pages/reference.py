@@ -12,13 +12,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import llvmlite.binding
 import numpy as np
 import pandas as pd
 
 from lmmap.types import InputError
 
-from ..provenance import DATA, DERIVED_DATA, ROOT, load_json, page_fingerprint, profile, save_json
+from ..provenance import DATA, DERIVED_DATA, ROOT, load_json, page_fingerprint, processor, profile, save_json
 from .inventory import inventory
 
 RELATIVE = 0.02  # of a number; of a series, whose quartiles one of fifty images can move, its middle half too
@@ -86,11 +85,6 @@ def _judge(was: dict, now: dict) -> tuple[str, str]:
 def _short(value) -> str:
     values = value if isinstance(value, list) else [value]
     return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
-
-
-def processor() -> str:
-    """The kind of processor for which kernels are compiled here."""
-    return llvmlite.binding.get_host_cpu_name()
 
 
 def check(update: bool = False, report=print, *, results: Path | None = None, path: Path | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -23,21 +23,17 @@ from lmmap.tracking.fusion import fuse
 from lmmap.types import Port
 
 from ..bench import laboratory, sequences
-from ..provenance import DATA, DERIVED_DATA, fingerprint, save_json, save_table, source_files
+from ..provenance import DATA, DERIVED_DATA, PINS, fingerprint, save_json, save_table
 from ..training.mask_quality import filter_quality
 from . import accuracy_tables, reliability, table1
 from .accuracy_tables import DRAWS, SEED, label
 from .archive import mark_of, pack, unpack
 from .claims import claims
-from .sequence_files import bench_recording, kept_estimates
+from .sequence_files import ESTIMATING, LADDER, bench_recording, kept_estimates
 from .table1 import BLOCK_S, DOMAIN_GAPS, LIGHTS, TRACKS
 
-RESULT_SOURCES = (
-    *source_files("lmmap_lab.bench.sequences", "lmmap.estimation.estimates", "lmmap.recordings.pose_files",
-             "lmmap.tracking.fusion", "lmmap_lab.training.mask_quality", "lmmap_lab.studies.reliability",
-             "lmmap_lab.studies.ladder"),
-    "data/weights/*", "environment.txt",
-)  # fmt: skip
+CODE = (sequences.simulate, *ESTIMATING, *LADDER, merge_by_time, fuse, error_table.errors, filter_quality,
+        reliability.confidences, table1.saturation)  # fmt: skip
 WEIGHTS = {  # sets of networks by kind of sequence: the paper's two, and ours where poses may not be wrong
     "test": (*DOMAIN_GAPS, OURS.weights, "light"), "hard": ("low",),
     "empty": ("low", OURS.weights, "light"),
@@ -58,8 +54,8 @@ class Study:
         Folder of the paper profile's tables and packed results.
     recording, estimates, mask_quality
         Functions as `bench_recording`, `kept_estimates` and `filter_quality`.
-    sources
-        Files, as patterns, on which a sequence's results depend.
+    code
+        Functions and classes that make a sequence's results.
     draws
         Of the bootstrap.
     """
@@ -69,7 +65,7 @@ class Study:
     recording: Callable = bench_recording
     estimates: Callable = kept_estimates
     mask_quality: Callable = filter_quality
-    sources: Sequence[str] = RESULT_SOURCES
+    code: Iterable[Callable] = CODE
     draws: int = DRAWS
 
     def archive(self, name: str) -> Path:
@@ -85,14 +81,17 @@ def sequences_of(profile: str) -> list[str]:
 
 def run_before(profile: str, study: Study = Study()) -> list[str]:
     """The sequences whose packed results are not of the present estimator, networks and environment."""
-    marks = _marks(profile, study)
-    return [name for name, mark in marks.items() if mark_of(study.archive(name)) != mark]
+    present = marks(profile, study)
+    return [name for name, mark in present.items() if mark_of(study.archive(name)) != mark]
 
 
-def _marks(profile: str, study: Study) -> dict[str, str]:
+def marks(profile: str, study: Study) -> dict[str, str]:
     """For each sequence of a profile the fingerprint of all that its results depend on."""
-    sources = fingerprint(best_precision(), patterns=study.sources)
-    return {name: fingerprint(name, profile, sources, patterns=()) for name in sequences_of(profile)}
+    found = {}
+    for name in sequences_of(profile):
+        files = [f"data/weights/*-{gap}.*" for gap in WEIGHTS[name.split("-")[0]]]
+        found[name] = fingerprint(name, profile, best_precision(), code=study.code, files=[*files, PINS])
+    return found
 
 
 def _print(line: str) -> None:
@@ -121,10 +120,11 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
     bool
         Whether there was anything to do.
     """
-    folder, tables_mark = study.derived / profile, fingerprint(profile)
+    folder = study.derived / profile
+    tables_mark = fingerprint(profile, code=(_tabulate,), files=("data/paper/*.csv", PINS))
     folder.mkdir(parents=True, exist_ok=True)
     waiting = {}
-    for name, mark in _marks(profile, study).items():
+    for name, mark in marks(profile, study).items():
         if has_mark(folder / f"{name}.done", mark):
             report(f"{name}: up to date")
         elif go_on and unpack(study.archive(name), folder, mark):
@@ -132,7 +132,7 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
             report(f"{name}: results as packed")
         else:
             waiting[name] = mark
-    tasks = (joblib.delayed(_sequence)(n, profile, study, m, report, pictures) for n, m in waiting.items())
+    tasks = (joblib.delayed(run_sequence)(n, profile, study, m, report, pictures) for n, m in waiting.items())
     for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
         pass
     if not waiting and has_mark(folder / "tables.done", tables_mark):
@@ -160,12 +160,17 @@ def _labels(names: list[str]) -> dict[str, tuple[str, str]]:
     return {label(name, m, OURS.weights): (name, m) for name in names for m in MODALITIES}
 
 
-def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures=None) -> None:
+def seconds_of(name: str, profile: str) -> float:
+    """How long a sequence is."""
+    kind = name.split("-")[0]
+    return laboratory.SECONDS[profile][kind] / (EMPTY[profile] if kind == "empty" else 1)
+
+
+def run_sequence(name: str, profile: str, study: Study, mark: str, report, pictures=None) -> None:
+    """Estimate a sequence's images, and write its results into the profile's folder."""
     tune_allocator()
-    folder = study.derived / profile
-    seconds = laboratory.SECONDS[profile][kind := name.split("-")[0]]
-    seconds = seconds / EMPTY[profile] if kind == "empty" else seconds
-    recording = study.recording(name, seconds, folder, report)
+    folder, kind = study.derived / profile, name.split("-")[0]
+    recording = study.recording(name, seconds_of(name, profile), folder, report)
     facts = {"profile": profile, "seed": name}
     port, rate_hz = Port.lm_map(), float(sequences.FRAME_HZ) if kind == "empty" else PAPER.rate_hz
     counts, files = [], []
@@ -204,7 +209,7 @@ def _sequence(name: str, profile: str, study: Study, mark: str, report, pictures
     if pictures and kind != "hard":
         files += pictures(recording, folder, _labels([name]), rate_hz)
     if profile == "paper":
-        pack(study.archive(name), files, folder, mark)
+        pack(study.archive(name), files, folder, mark, **facts)
     write_text(folder / f"{name}.done", mark)
 
 

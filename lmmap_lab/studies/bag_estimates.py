@@ -21,7 +21,7 @@ from lmmap.recordings.stream import Stream
 from lmmap.types import Estimate, InputError, Port
 
 from ..adaptation.adapt import adapt
-from ..provenance import fingerprint
+from ..provenance import PINS, fingerprint
 from ..rig import authors_bags, calibration, tf
 from ..rig.authors_bags import AuthorsBag
 from ..rig.hand_eye_file import read_hand_eye
@@ -129,4 +129,5 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
 def _mark(name: str, bag: Path, *made_of) -> str:
     """The fingerprint of a bag's results by that name."""
     facts = bag.stat()
-    return fingerprint(name, *map(str, (facts.st_size, facts.st_mtime_ns, *made_of)))
+    made_of = map(str, (facts.st_size, facts.st_mtime_ns, *made_of))
+    return fingerprint(name, *made_of, code=(detect, folder_rig, adapt), files=("data/weights/*", PINS))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,25 +14,23 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import best_precision
 from lmmap.recordings.formats import open_recording
-from lmmap.recordings.pose_files import read_estimates, write_estimates
+from lmmap.recordings.pose_files import as_row, read_estimates, write_estimates
 from lmmap.settings import Settings
 from lmmap.types import Estimate, Port, Recording
 
-from ..bench import simulate
-from ..provenance import fingerprint, save_table, source_files
-from ..training.dataset import BENCH
+from ..bench import sequences, simulate
+from ..provenance import PINS, fingerprint, save_table
 from . import ladder
 from .accuracy_tables import label
 from .table1 import DOMAIN_GAPS
 
-ESTIMATE_SOURCES = source_files("lmmap.estimation.estimates", "lmmap.recordings.pose_files")
-LADDER_SOURCES = source_files("lmmap_lab.studies.ladder")
+ESTIMATING = (settings_for, Estimator, estimate, as_row)  # as they are read back, for these are fused
 
 
 def bench_recording(name: str, seconds: float, folder: Path, report) -> Recording:
     """A sequence's recording in a folder, simulated unless the one there has the same bench and length."""
     path, mark_path = folder / f"{name}.h5", folder / f"{name}.simulated"
-    mark = fingerprint(name, str(seconds), patterns=BENCH)
+    mark = fingerprint(name, str(seconds), code=(sequences.simulate,))
     if not (path.exists() and has_mark(mark_path, mark)):
         report(f"{name}: simulating {seconds:.0f} s")
         simulate.record(name, seconds, path)
@@ -40,7 +38,7 @@ def bench_recording(name: str, seconds: float, folder: Path, report) -> Recordin
     return open_recording(path)
 
 
-def estimates_fingerprint(modality: str, gap: str, *facts: str, sources: Sequence[str] = ()) -> str:
+def estimates_fingerprint(modality: str, gap: str, *facts: str, code: Iterable[Callable] = ()) -> str:
     """Hash of what estimates depend on: modules, a modality's filters, pins, precision, and the given facts.
 
     Parameters
@@ -49,11 +47,11 @@ def estimates_fingerprint(modality: str, gap: str, *facts: str, sources: Sequenc
         Name the filters' weights; ``"*"`` names all of them.
     facts
         About the images: their recording, their rate.
-    sources
-        Further files that have a part in the result, as patterns relative to the checkout.
+    code
+        Further functions that have a part in the result.
     """
-    patterns = (*ESTIMATE_SOURCES, *sources, f"data/weights/*-{modality}-{gap}.*", "environment.txt")
-    return fingerprint(*facts, best_precision(), patterns=patterns)
+    files = (f"data/weights/*-{modality}-{gap}.*", PINS)
+    return fingerprint(*facts, best_precision(), code=(*ESTIMATING, *code), files=files)
 
 
 def looks_of(gap: str, settings: Settings) -> Settings:
@@ -76,11 +74,14 @@ def make_estimates(
     return list(estimates)
 
 
+LADDER = (looks_of, ladder.Ladder, ladder.errors)
+
+
 def kept_estimates(recording: Recording, modality: str, gap: str, rate_hz: float, folder: Path, report,
                    make: Callable[..., list[Estimate]] = make_estimates) -> list[Estimate]:  # fmt: skip
     """Estimates of a recording, made unless those in the folder are of the same estimator and filters."""
     name = label(recording.name, modality, gap)
-    mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz), sources=LADDER_SOURCES)
+    mark = estimates_fingerprint(modality, gap, recording.name, str(rate_hz), code=LADDER)
     path, done = folder / f"estimates-{name}.csv", folder / f"estimates-{name}.done"
     if not (path.exists() and has_mark(done, mark)):
         estimates = make(recording, modality, gap, rate_hz, folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,9 @@ from lmmap.settings import OURS, PAPER, Settings
 from lmmap.tracking.tracker import Tracker
 from lmmap.types import AnyRecording, Estimate, Status
 
+from ..bench import sequences
 from .right_and_wrong import shares
+from .sequence_files import estimates_fingerprint
 
 
 def errors_frame_by_frame(recording: AnyRecording, estimator: Estimator, rate_hz: float | None = PAPER.rate_hz
@@ -37,6 +39,12 @@ def errors_tracked(recording: AnyRecording, estimator: Estimator, rate_hz: float
     images = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     estimates = [_without_prediction(e) for _, e in track_images(images, Tracker(estimator))]
     return error_table.errors(recording, estimates, estimator.port)
+
+
+def mark(name: str, modality: str, seconds: float, function: Callable = errors_tracked) -> str:
+    """Fingerprint of a function's errors of a sequence by the default networks."""
+    code = sequences.simulate, function
+    return estimates_fingerprint(modality, OURS.weights, name, str(seconds), code=code)
 
 
 def rates(tables: Sequence[pd.DataFrame], settings: Settings = OURS) -> dict[str, float]:

@@ -22,7 +22,7 @@ from lmmap.types import EVENT, Port, Recording, concatenate_events
 
 from ..bench import labels, sequences, varied
 from ..bench.renderer import ray_grid
-from ..provenance import fingerprint, source_files
+from ..provenance import fingerprint
 
 AUGMENTED, REALISTIC, VARIED = 240, 120, 400  # numbers of sequences
 MORE_HIGH, PRINTED = 180, 180  # further ones, all in high light: varied, and on printed covers
@@ -31,8 +31,6 @@ VARIED_SAMPLES = 4  # of a varied sequence, which is shorter
 EXCERPT_EVERY_S = 4.0  # one excerpt of a long recording in this time, as neighbouring views are nearly equal
 MOST_EVENTS = 2 * PAPER.events_per_window
 NO_EVENT = np.uint32(2**32 - 1)  # fills the rows of samples with fewer events
-BENCH = source_files("lmmap_lab.bench.sequences", "lmmap_lab.bench.labels")
-VARIED_BENCH = source_files("lmmap_lab.bench.varied", "lmmap_lab.bench.labels")
 _AUGMENTED = [f"augmented-{i}" for i in range(AUGMENTED)]
 _ALL = _AUGMENTED + [f"realistic-{i}" for i in range(REALISTIC)]
 _IN_HIGH = [f"varied-{i}" for i in range(VARIED, VARIED + 2 * MORE_HIGH) if varied.light_of(i) == "high"]
@@ -162,9 +160,14 @@ def make_sequence_samples(name: str, folder: Path, seconds: float = SEQUENCE_SEC
     if varied.NAME.fullmatch(name):
         port = varied.draw_port(varied.base_sequence(name))
         samples = sample_recording(varied.record_varied(name, port=port), min(count, VARIED_SAMPLES), port)
-        return write_samples(folder / name, samples, fingerprint(patterns=VARIED_BENCH))
+        code = (varied.base_sequence, varied.draw_port, varied.record_varied, sample_recording)
+        return write_samples(folder / name, samples, fingerprint(code=code))
     recording = sequences.simulate(name, seconds)
-    return write_samples(folder / name, sample_recording(recording, count), fingerprint(patterns=BENCH))
+    return write_samples(
+        folder / name,
+        sample_recording(recording, count),
+        fingerprint(code=(sequences.simulate, sample_recording)),
+    )
 
 
 def make_samples(

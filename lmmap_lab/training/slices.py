@@ -58,7 +58,9 @@ def make_windows(names: Iterable[str], folder: Path, count: int, jobs: int, repo
 def _make(name: str, folder: Path, count: int) -> Path:
     recording = sequences.simulate(name, dataset.SEQUENCE_SECONDS, setup=SETUP)
     windows = sample_windows(recording, count, Port.lm_map())
-    return dataset.write_samples(folder / name, windows, fingerprint(patterns=dataset.BENCH))
+    return dataset.write_samples(
+        folder / name, windows, fingerprint(code=(sequences.simulate, sample_windows))
+    )
 
 
 class SliceSamples(dataset.Samples):

@@ -1,15 +1,16 @@
 """Results: whole or absent, with provenance, and out of date when what made them changes."""
 
 import json
+import re
 import subprocess
 
-import grimp
 import numpy as np
 import pandas as pd
 import pytest
 
 from lmmap.settings import OURS
 from lmmap_lab import provenance as results
+from lmmap_lab.studies import archive
 from lmmap_lab.studies.networks import set_hashes
 
 
@@ -40,43 +41,36 @@ def test_nothing_half_written_remains(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_fingerprint_follows_the_code_the_weights_and_the_pins(tmp_path, monkeypatch):
+def test_fingerprint_follows_facts_code_weights_and_pins(tmp_path, monkeypatch):
     monkeypatch.setattr(results, "ROOT", tmp_path)
-    for folder in ("lmmap", "lmmap_lab", "data/weights"):
-        (tmp_path / folder).mkdir(parents=True)
-    for name in ("lmmap/types.py", "lmmap_lab/bench.py", "data/weights/v.json", "environment.txt"):
-        (tmp_path / name).write_text("0")
-    seen = {results.fingerprint()}
-    for name in ("lmmap/a.py", "data/weights/w.safetensors", "environment.txt"):
-        (tmp_path / name).write_text("1")
-        seen.add(results.fingerprint())
-    (tmp_path / "lmmap" / "a.py").write_text("2")
-    seen.add(results.fingerprint())
-    (tmp_path / "lmmap_lab" / "bench.py").write_text("1")
-    seen |= {results.fingerprint(), results.fingerprint("paper")}
+    weights = tmp_path / "data" / "weights"
+    weights.mkdir(parents=True)
+    (weights / "v.json").write_text("0")
+    pins = tmp_path / "environment.txt"
+    pins.write_text("# Pins.\n\n# the module\nnumpy==1\n\n# development\nruff==1\n\n# indirect\nsix==1\n")
+
+    def mark(*facts, code=(results.port_mark,)):
+        return results.fingerprint(*facts, code=code, files=("data/weights/*", results.PINS))
+
+    seen = {mark(), mark("paper"), mark(code=(results.profile,))}
+    (weights / "v.json").write_text("1")
+    seen.add(mark())
+    (weights / "w.json").write_text("1")
+    seen.add(mark())
+    for package in ("numpy", "six"):
+        pins.write_text(pins.read_text().replace(f"{package}==1", f"{package}==2"))
+        seen.add(mark())
     assert len(seen) == 7
+    pins.write_text(pins.read_text().replace("ruff==1", "ruff==2").replace("# Pins", "# Exact pins"))
     (tmp_path / "book.md").write_text("prose")
-    assert results.fingerprint() in seen
+    weights.rename(tmp_path / "data" / "sets")
+    again = results.fingerprint(code=(results.port_mark,), files=("data/sets/*", results.PINS))
+    assert again in seen
 
 
 def test_a_pattern_without_a_file_is_an_error():
     with pytest.raises(ValueError, match="no_such"):
-        results.fingerprint(patterns=("lmmap/no_such.py",))
-
-
-def test_a_module_is_made_by_all_that_it_imports():
-    files = ("lmmap/calibrations.py", "lmmap/camera_files.py", "lmmap/documents.py", "lmmap/files.py")
-    assert results.source_files("lmmap.camera_files") == files
-    files = results.source_files("lmmap.estimation.estimates")
-    assert {"lmmap/types/pose.py", "lmmap/pipeline/network.py", "lmmap/refinement/joint.py"} < set(files)
-    assert not any(name.startswith(("lmmap_lab", "lmmap/cli")) for name in files)
-    files = results.source_files("lmmap_lab.bench.simulate")
-    assert {"lmmap_lab/bench/shading.py", "lmmap/types/pose.py"} < set(files)
-    graph = grimp.build_graph("lmmap", "lmmap_lab", cache_dir=None)
-    below = {"lmmap_lab.bench.simulate", *graph.find_upstream_modules("lmmap_lab.bench.simulate")}
-    paths = [results.ROOT / name.replace(".", "/") for name in below]
-    expected = [path / "__init__.py" if path.is_dir() else path.with_suffix(".py") for path in paths]
-    assert files == tuple(sorted(path.relative_to(results.ROOT).as_posix() for path in expected))
+        results.fingerprint(files=("lmmap/no_such.py",))
 
 
 def test_profile_is_the_makefiles(monkeypatch):
@@ -97,8 +91,60 @@ def test_a_commit_is_marked_where_what_makes_results_differs_from_it(tmp_path, m
     head = results.commit()
     table.write_text("2")
     assert len(head) == 12 and results.commit() == head
+    (tmp_path / "b.py").write_text("new")
+    assert results.commit() == head + "+"
+    (tmp_path / "b.py").unlink()
     module.write_text("2")
     assert results.commit() == head + "+"
+
+
+def test_a_result_of_edited_files_is_warned_of_where_it_would_be_committed(tmp_path, monkeypatch):
+    monkeypatch.setattr(results, "DATA", tmp_path / "data")
+    monkeypatch.setattr(results, "DERIVED_DATA", tmp_path / "data" / "derived")
+    monkeypatch.setattr(results, "commit", lambda: "0123456789ab+")
+    with pytest.warns(UserWarning, match=r"a\.json: made by edited files.*commit them and make it again"):
+        results.save_json(tmp_path / "data" / "results" / "a.json", {})
+    with pytest.warns(UserWarning, match="made by edited files"):
+        results.save_table(tmp_path / "data" / "results" / "a.csv", pd.DataFrame({"a": [1]}))
+    results.save_json(tmp_path / "data" / "derived" / "a.json", {})
+    results.save_json(tmp_path / "a.json", {})
+    monkeypatch.setattr(results, "commit", lambda: "0123456789ab")
+    results.save_json(tmp_path / "data" / "results" / "a.json", {})
+
+
+def committed_provenances():
+    """What is told of each committed result, set of networks and archive, by its path."""
+    told = {}
+    for path in sorted(results.DATA.glob("[!d]*/**/*.json")) + sorted(results.DATA.glob("*.json")):
+        document = json.loads(path.read_text())
+        made = document if path.name.endswith(".provenance.json") else document.get("provenance", document)
+        if "commit" in made:
+            told[path] = made
+    archives = sorted((results.DATA / "results").rglob("*.zip"))
+    return told | {path: archive.provenance_of(path) for path in archives}
+
+
+def test_every_commit_that_is_named_is_in_the_repository():
+    """Or the field says why it is unknown.  A shallow clone has no history; there only the form is tested."""
+    git = ["git", "-C", str(results.ROOT)]
+    told = committed_provenances()
+    assert len(told) > 100
+    commits = {path: made["commit"] for path, made in told.items()}
+    named = {path: name for path, name in commits.items() if not name.startswith("unknown: ")}
+    assert {path: name for path, name in named.items() if not re.fullmatch("[0-9a-f]{12}", name)} == {}
+    shallow = subprocess.run([*git, "rev-parse", "--is-shallow-repository"], capture_output=True, text=True)
+    if shallow.stdout.strip() == "false":  # neither a shallow clone nor an archive without history
+        listed = "".join(f"{name}^{{commit}}\n" for name in named.values())
+        known = subprocess.run(
+            [*git, "cat-file", "--batch-check"], input=listed, capture_output=True, text=True
+        )
+        assert [line for line in known.stdout.splitlines() if " commit " not in line] == []
+
+
+def test_every_result_names_its_processor():
+    told = {path: made for path, made in committed_provenances().items() if "weights" not in path.parts}
+    named = [path for path, made in told.items() if made.get("processor", "") in ("", "unknown")]
+    assert len(told) > 80 and named == []
 
 
 def test_results_that_are_not_made_yet_are_one_line_with_the_command(tmp_path, monkeypatch):

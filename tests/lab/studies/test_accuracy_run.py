@@ -10,8 +10,8 @@ from strategies import facing_pose
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.types import Camera, Ellipse, Estimate, InputError, Port, Pose, Recording, Status, Trajectory
 from lmmap_lab import provenance
-from lmmap_lab.studies import accuracy_run, ladder, sequence_files
-from lmmap_lab.studies.archive import pack, unpack
+from lmmap_lab.studies import accuracy_run, carry, ladder, sequence_files
+from lmmap_lab.studies.archive import carry_over, pack, provenance_of, unpack
 from lmmap_lab.studies.table1 import compare
 
 T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
@@ -57,7 +57,7 @@ class Estimates:
         return estimates
 
 
-def perfect_masks(recording, gaps):
+def perfect_masks(recording, gaps, modalities=None):
     fit = pd.DataFrame({"filter": ["ring"], "modality": "rgb", "iou": 1.0,
                         "skeleton_px": 0.0, "stray": 0.0, "missed": 0.0, "mask_px": 9})  # fmt: skip
     return fit.merge(pd.Series(gaps, name="domain_gap"), how="cross")
@@ -173,7 +173,7 @@ def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_p
     assert run("derived") == 0  # in the folder all is up to date
     everything = run("repeated")
     assert everything == 2 * (3 * 4 + 2 * 1 + 3 * 3)  # cameras, sequences, sets of networks
-    assert run("changed", go_on=True, sources=["lmmap/types/*.py"]) == 2 * everything
+    assert run("changed", go_on=True, code=[Port]) == 2 * everything
 
 
 def test_sequences_that_another_version_ran_are_named(paper, tmp_path):
@@ -181,8 +181,60 @@ def test_sequences_that_another_version_ran_are_named(paper, tmp_path):
     assert accuracy_run.run_before("paper", study) == []
     (paper / "sequences" / "test-low.zip").unlink()
     assert accuracy_run.run_before("paper", study) == ["test-low"]
-    changed = made_up(tmp_path / "other", committed=paper, sources=["lmmap/types/*.py"])
+    changed = made_up(tmp_path / "other", committed=paper, code=[Port])
     assert accuracy_run.run_before("paper", changed) == accuracy_run.sequences_of("paper")
+
+
+@pytest.fixture
+def of_earlier_code(paper, monkeypatch):
+    """Archives that other code made, which gave the results of the present code; what is sampled of them."""
+
+    def beginning(name, kept, seed):
+        return recorded(name, 3, None, None), 2_000_000, seed
+
+    monkeypatch.setattr(carry, "sample", beginning)
+    for path in (paper / "sequences").glob("*.zip"):
+        carry_over(path, "of earlier code")
+    return made_up(paper.parent / "carried", committed=paper)
+
+
+def test_archives_of_other_code_are_carried_over_where_a_sample_is_equal(of_earlier_code):
+    lines, study = [], of_earlier_code
+    assert len(accuracy_run.run_before("paper", study)) == 8
+    carry.carry(lines.append, study)
+    assert len(lines) == 8 and all("rows are equal, carried over" in line for line in lines)
+    assert accuracy_run.run_before("paper", study) == []
+    *_, last = provenance_of(study.archive("test-low"))["carried_over"]
+    assert last["from"] == "of earlier code" and last["rows"] > 400 and last["beginning_s"] == 2.0
+    assert last["processor"] == provenance.processor() and last["commit"] == provenance.commit()
+    lines.clear()
+    carry.carry(lines.append, study)
+    assert set(lines) == {f"{name}: up to date" for name in accuracy_run.sequences_of("paper")}
+
+
+@pytest.mark.parametrize(
+    "table", ["errors-test-low-fused", "ladder-test-low-event", "confidence-test-low-rgb-robust"]
+)
+def test_an_archive_of_which_one_number_is_another_is_not_carried_over(of_earlier_code, tmp_path, table):
+    study, folder = of_earlier_code, tmp_path / "unpacked"
+    path = study.archive("test-low")
+    unpack(path, folder)
+    rows = (folder / f"{table}.csv").read_text().splitlines()
+    rows[3] = rows[3].replace("0.", "0.0", 1)
+    (folder / f"{table}.csv").write_text("\n".join(rows) + "\n")
+    pack(path, folder.iterdir(), folder, "of earlier code")
+    before, lines = path.read_bytes(), []
+    with pytest.raises(InputError, match=r"test-low: of other code.*make it again"):
+        carry.carry(lines.append, study)
+    assert path.read_bytes() == before and accuracy_run.run_before("paper", study) == ["test-low"]
+    assert f"rows differ, the first is {table}: " in "".join(lines)
+
+
+def test_nothing_is_carried_over_between_kinds_of_processors(of_earlier_code, monkeypatch):
+    monkeypatch.setattr(carry, "processor", lambda: "m68000")
+    with pytest.raises(InputError, match=r"test-low.zip: a \w+ made it, this processor is a m68000"):
+        carry.carry(print, of_earlier_code)
+    assert len(accuracy_run.run_before("paper", of_earlier_code)) == 8
 
 
 def test_damaged_packed_results_are_one_clear_error(paper, tmp_path):
@@ -214,8 +266,6 @@ def test_estimates_outlive_weights_that_did_not_make_them(tmp_path, monkeypatch)
     for path in (*weights, root / "environment.txt"):
         path.write_text("at first")
     monkeypatch.setattr(provenance, "ROOT", root)
-    monkeypatch.setattr(sequence_files, "ESTIMATE_SOURCES", ())
-    monkeypatch.setattr(sequence_files, "LADDER_SOURCES", ())
     recording = recorded("hard-slow", 3, tmp_path, None)
 
     def make(*of):
