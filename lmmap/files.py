@@ -14,7 +14,7 @@ from .disk import is_special, lock, open_special, part_of, temporary, writes
 from .errors import InputError
 
 __all__ = [
-    "CAMERA", "InputError", "atomic", "beside", "check_folder_of", "check_output", "is_special", "lock",
+    "CAMERA", "atomic", "beside", "check_folder_of", "check_output", "is_special", "lock",
     "open_special", "read_text", "regular_file", "temporary", "write_text", "writes",
 ]  # fmt: skip
 CAMERA = "camera.json"  # the calibration that a folder of bags shares

@@ -10,7 +10,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from .files import InputError, atomic, read_text, regular_file, temporary, writes
+from .errors import InputError
+from .files import atomic, read_text, regular_file, temporary, writes
 
 MARK = "made-of"  # in a folder of unfinished work
 MAX_BYTES = 2**24

@@ -17,7 +17,8 @@ import llvmlite.binding
 import numpy as np
 import pandas as pd
 
-from lmmap.files import InputError, write_text
+from lmmap.errors import InputError
+from lmmap.files import write_text
 from lmmap.shipped import CHECKOUT, DATA, ROOT
 from lmmap.types import Port
 

@@ -14,7 +14,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.reader import DirectoryReader
 
-from lmmap.files import InputError, regular_file
+from lmmap.errors import InputError
+from lmmap.files import regular_file
 from lmmap.recordings.bounded_bag import BoundedPath
 from lmmap.recordings.formats import METADATA
 from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO

@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 from wire_fit import FOCAL_PX, SEED, at_focal, measured
 from wire_model import COUNT
 
-from lmmap.files import InputError
+from lmmap.errors import InputError
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import angle_between_rad

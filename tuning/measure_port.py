@@ -33,7 +33,7 @@ import pandas as pd
 from wire_fit import FOCAL_PX, SEED, Fit, Overlay, at_focal, beside, measured
 from wire_model import COUNT, DIMENSIONS, PIECE_COUNT, SEGMENTS
 
-from lmmap.files import InputError
+from lmmap.errors import InputError
 from lmmap_lab.provenance import DATA, save_json, save_table
 from lmmap_lab.studies.pdf import pictures
 

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from wire_model import CHORDS, COUNT, DIMENSIONS, PIECE_COUNT, PIECES, SEGMENTS, WINDOW, vertices
 
-from lmmap.files import InputError
+from lmmap.errors import InputError
 from lmmap.geometry.projection import project
 from lmmap.pipeline import circle, ellipse
 from lmmap.types import Camera, Pose

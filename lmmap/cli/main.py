@@ -8,7 +8,7 @@ import warnings
 from contextlib import contextmanager, suppress
 
 from ..allocator import tune_allocator
-from ..files import InputError
+from ..errors import InputError
 from ..plugins import call
 from .arguments import parser
 

@@ -48,7 +48,7 @@ class Estimator(ImageEstimator):
         the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
     learned : Estimator or None
         That of the networks that have learned.
-    further : list of Look
+    further : list of FurtherLook
         How an image is looked at again (`looks`).
 
     Examples

@@ -24,7 +24,7 @@ from .network import TurnedToo
 from .rescale import enlarged_cameras
 
 
-class Look(NamedTuple):
+class FurtherLook(NamedTuple):
     """Who looks, after which answer, and how theirs joins it; and whether also where a ring is expected."""
 
     see: Callable[[np.ndarray, int, Expected | None], Estimate]
@@ -33,18 +33,20 @@ class Look(NamedTuple):
     expected: bool = False
 
 
-def further_looks(estimator, learned=None) -> list[Look]:
+def further_looks(estimator, learned=None) -> list[FurtherLook]:
     """The looks that any image may need, by copies of an estimator and, if there is one, by another one whose
     networks have learned."""
     looks, settings = [], estimator.settings
     if settings.turned_look:
         ring, reflectors = TurnedToo(estimator.ring_network), TurnedToo(estimator.reflector_network)
         turned = one_look(estimator, ring_network=ring, reflector_network=reflectors)
-        looks.append(Look(turned, in_doubt, lambda *both: estimator.together(both)))
+        looks.append(FurtherLook(turned, in_doubt, lambda *both: estimator.together(both)))
     for grid in enlarged_cameras(estimator.camera, estimator.modality, settings):
-        looks.append(Look(one_look(estimator, grid=grid), _has_no_pose, _first_with_pose))
+        looks.append(FurtherLook(one_look(estimator, grid=grid), _has_no_pose, _first_with_pose))
     if learned is not None:
-        looks.append(Look(learned, needs_more_events, partial(second_opinion, estimator, learned), True))
+        looks.append(
+            FurtherLook(learned, needs_more_events, partial(second_opinion, estimator, learned), True)
+        )
     return looks
 
 
@@ -53,7 +55,7 @@ def look_again(estimator, answer: Estimate, image: np.ndarray, t_us: int, near: 
     """The answer to an image after all looks that it needs, of what `Estimator` was called with."""
     looks, joined = estimator.further, lambda *both: estimator.together(both)
     if wider is not None:
-        looks = [*looks, Look(lambda *_: estimator(wider[1], wider[0]), needs_more_events, joined)]
+        looks = [*looks, FurtherLook(lambda *_: estimator(wider[1], wider[0]), needs_more_events, joined)]
     for look in looks:
         if (near is None or look.expected) and look.needed(answer, estimator.settings):
             answer = look.join(answer, look.see(image, t_us, near))

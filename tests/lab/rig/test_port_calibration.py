@@ -10,7 +10,7 @@ import pytest
 from strategies import facing_pose
 
 from lmmap.cli import main
-from lmmap.files import InputError
+from lmmap.errors import InputError
 from lmmap.geometry.conics import circle_conic
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_angle_rad

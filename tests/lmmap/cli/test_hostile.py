@@ -10,7 +10,8 @@ from pathlib import Path
 import drawn
 import pytest
 
-from lmmap.files import InputError, lock
+from lmmap.errors import InputError
+from lmmap.files import lock
 from lmmap.recordings.journal import Journal
 from lmmap.shipped import ROOT
 from lmmap.types import Camera
@@ -70,7 +71,7 @@ def test_an_output_that_exists_needs_a_word(tmp_path, lmmap):
 def test_two_processes_on_one_output(tmp_path):
     path = tmp_path / "poses.csv"
     code = (
-        "import sys; from lmmap.files import InputError, lock\n"
+        "import sys; from lmmap.errors import InputError; from lmmap.files import lock\n"
         "try:\n    with lock(sys.argv[1]): print('free')\nexcept InputError as error: print(error)"
     )
     with Journal(path):
