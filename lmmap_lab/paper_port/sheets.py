@@ -45,7 +45,7 @@ def write_sheets(path: Path, port: Port, paper: str, name: str, scale: float) ->
     size_mm, whole = np.array(PAPERS_MM[paper]), BytesIO()  # on a full disk matplotlib goes on, and trips
     with PdfPages(whole, metadata={"Title": f"lmmap: {name}", "CreationDate": None}) as pdf:
         for number, draw in enumerate((_ring_sheet, _plate_sheet), 1):
-            figure = Figure(figsize=size_mm / 25.4, facecolor="none")
+            figure = Figure(figsize=size_mm / 25.4, facecolor="none", layout="none")
             ax = figure.add_axes((0, 0, 1, 1))
             ax.set(xlim=(0, size_mm[0]), ylim=(0, size_mm[1]))
             ax.set_axis_off()
