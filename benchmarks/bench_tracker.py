@@ -3,9 +3,9 @@
     OMP_WAIT_POLICY=PASSIVE python benchmarks/bench_tracker.py [--weights NAME]
 
 Each goes through the recording by itself, one image at a time, as it would in use; they take turns, lap by
-lap, in bfloat16 and in float32, on two cores and on one.  Medians over images.  The plain path is that of
-`bench_pipeline`: the paper's steps, eager float32 networks on full frames.  What the binning of a histogram
-takes is added to each.
+lap, in bfloat16 and in float32, on two cores and on one.  Medians over images.  The plain path is the paper's
+steps: eager float32 networks on full frames, its RANSAC loop, printed formula and grid of yaws.  What the
+binning of a histogram takes is added to each.
 """
 
 from __future__ import annotations
@@ -15,16 +15,21 @@ import os
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch: waiting threads sleep
 
+import time
+from collections import defaultdict
+
 import cv2
 import numpy as np
 import plain
 import torch
-from bench_pipeline import Watch, has_bfloat16, papers
 
 from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import timed_images
+from lmmap.pipeline import circle, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
+from lmmap.pipeline.network import faster_precision
+from lmmap.pipeline.ring import skeleton_points
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import OURS, PAPER
 from lmmap.tracking.tracker import Tracker
@@ -42,27 +47,42 @@ def keep_to(cores: list[int]) -> None:
     cv2.setNumThreads(len(cores))
 
 
+def papers(nets, estimator: Estimator, image: np.ndarray) -> None:
+    """The paper's procedure."""
+    ring, reflectors = (plain.mask(net, image, estimator.modality) for net in nets)
+    fitted, _ = plain.ransac_loop(skeleton_points(ring), np.random.default_rng(0))
+    if fitted is not None:
+        poses = circle.paper_poses(fitted, estimator.camera, estimator.port.ring_radius_m)
+        yaw.paper_yaw(reflectors, poses, estimator.port, estimator.camera)
+
+
 def run(recording, modality: str, precision: str, weights: str) -> dict[str, float]:
     """Median ms of an image by each way, and the tracker's share of answers that are ok."""
     estimator = Estimator(recording.camera, modality=modality, weights=weights, precision=precision)
-    shots, nets, watch = list(timed_images(recording, modality)), plain.nets(modality), Watch()
-    statuses = []
+    shots, nets = list(timed_images(recording, modality)), plain.nets(modality)
+    statuses, seconds = [], defaultdict(list)
+
+    def watch(name, function, *arguments) -> None:
+        start = time.perf_counter()
+        function(*arguments)
+        seconds[name].append(time.perf_counter() - start)
+
     for lap in range(max(LAPS.values())):
         tracker = Tracker(estimator)
         ways = {
-            "plain": lambda shot: papers(Watch(), nets, estimator, shot.image),
+            "plain": lambda shot: papers(nets, estimator, shot.image),
             "frame by frame": lambda shot: estimator(shot.image, shot.t_us),
             "tracker": lambda shot, tracker=tracker: statuses.append(tracker(shot.image, shot.t_us).status),
         }
         for name, way in ways.items():
             for k, shot in enumerate(shots if lap < LAPS[name] else ()):
-                (watch if k >= WARM else Watch())(name, way, shot)
-    ms = watch.ms()
+                watch(name if k >= WARM else "warm", way, shot)
     if modality == "event":
         events = recording.events[: PAPER.events_per_window]
         for _ in shots:
             watch("binning", histogram, events["x"], events["y"], recording.camera.size_px)
-        ms = {name: value + watch.ms()["binning"] for name, value in ms.items()}
+    ms = {name: 1e3 * float(np.median(times)) for name, times in seconds.items()}
+    ms = {name: ms[name] + ms.get("binning", 0.0) for name in LAPS}
     return ms | {"ok_percent": 100 * float(np.mean([status == Status.OK for status in statuses]))}
 
 
@@ -72,7 +92,7 @@ def main() -> None:
     weights = parser.parse_args().weights
     tune_allocator()  # as the command does
     recording, cores = open_recording(DATA / "mini" / "test-low.aedat4"), sorted(os.sched_getaffinity(0))
-    print(f"weights {weights}, processor {'with' if has_bfloat16() else 'without'} bfloat16")
+    print(f"weights {weights}, in {faster_precision()} by default here")
     print(f"load before this ran: {os.getloadavg()[0]:.1f} (its times mean little above 0.5)")
     for count in sorted({min(2, len(cores)), 1}, reverse=True):
         keep_to(cores[:count])
