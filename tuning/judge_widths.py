@@ -23,7 +23,7 @@ import pandas as pd
 import torch
 import wrong_poses
 from choose_thresholds import right
-from train_widths import recipes
+from train_widths import WEIGHTS, recipes
 
 from lmmap.estimation.estimates import estimate_image
 from lmmap.estimation.images import TimedImage
@@ -45,7 +45,7 @@ ROUNDS = 15  # of the timing
 def sets(folder: Path) -> dict[str, str]:
     """Names of the files by names of the sets, ``{filter}`` and ``{modality}`` left open."""
     names = {label.split("-", 2)[2] for label in recipes(1)}
-    found = {name: str(folder / f"{{}}-{{}}-{name}.safetensors") for name in sorted(names)}
+    found = {name: str(folder / f"{{}}-{{}}-{name}" / WEIGHTS) for name in sorted(names)}
     return {"robust": str(weight_path("{}", "{}", "robust")), **found}
 
 

@@ -15,8 +15,7 @@ from lmmap.pipeline.crops import at_once
 from lmmap.pipeline.network import FilterNet
 from lmmap.pipeline.weights import load_filter
 
-from ..training.batches import make_batch, take_step
-from ..training.checkpoint import resume, save_checkpoint
+from ..training.batches import learn, make_batch
 from ..training.recipe import Recipe
 from .self_labels import Labelled
 
@@ -61,15 +60,11 @@ def train_both(nets: Sequence[FilterNet], samples: Sequence[Labelled], recipes: 
 def train_on(net: FilterNet, samples: Labelled, recipe: Recipe, folder: Path,
              told: Callable[[int], None] = lambda steps: None) -> FilterNet:  # fmt: skip
     """The network after all steps of a recipe; ``told`` is called with the number of those just done."""
-    adam = torch.optim.Adam(net.parameters(), recipe.rate)
+    before, batch = 0, partial(make_batch, samples, recipe)
     checkpoint = folder / f"{recipe.name}.ckpt.safetensors"
-    start, _ = resume(checkpoint, net, adam, recipe)
-    told(start)
-    for step in range(start, recipe.steps):
-        take_step(net, adam, make_batch(samples, recipe, step), recipe, step)
-        if (step + 1) % CHECKPOINT_STEPS == 0 or step + 1 == recipe.steps:
-            save_checkpoint(checkpoint, net, adam, recipe, step + 1, [])
-        told(1)
+    for done, _ in learn(net, recipe, batch, checkpoint, CHECKPOINT_STEPS):
+        told(done - before)
+        before = done
     return net
 
 

@@ -1,7 +1,9 @@
-"""The batches that a filter learns from, and a step on one of them."""
+"""The batches that a filter learns from, and the loop in which every filter learns."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +14,7 @@ from lmmap.pipeline.network import FilterNet, encode, faster_precision
 from lmmap.settings import PAPER
 
 from . import augment
+from .checkpoint import resume, save_checkpoint
 from .recipe import Recipe
 
 
@@ -64,12 +67,11 @@ def _crop(samples, recipe, rng):
     return vary(image, mask, cover, rng)
 
 
-def half_precision(device: torch.device, cache: bool = True):
+def half_precision(device: torch.device):
     """Autocast to bfloat16 on a GPU, and on processors that are faster with it; others emulate it, four
-    to eight times slower than float32.  Weights that are cast once are kept, but not where a graph of the
-    step is recorded."""
+    to eight times slower than float32."""
     fast = device.type != "cpu" or faster_precision() == "bfloat16"
-    return torch.autocast(device.type, torch.bfloat16, enabled=fast, cache_enabled=cache)
+    return torch.autocast(device.type, torch.bfloat16, enabled=fast)
 
 
 def taught(teacher: FilterNet | None, x, y):
@@ -97,3 +99,37 @@ def take_step(net, adam, pair, recipe, step, teacher=None) -> float:
     loss.backward()
     adam.step()
     return loss.item()
+
+
+def learn(net: torch.nn.Module, recipe: Recipe, batch: Callable[[int], tuple], checkpoint: Path, every: int,
+          teacher: FilterNet | None = None,
+          check: Callable[[int], dict] | None = None) -> Iterator[tuple[int, list]]:  # fmt: skip
+    """Take all steps of a recipe, from the checkpoint on if there is one.
+
+    Parameters
+    ----------
+    batch
+        Makes the input and target of a step.
+    every
+        Steps between two checkpoints; there is one at the end, too.
+    check
+        What to note of the network at each checkpoint, from the number of steps done.
+
+    Yields
+    ------
+    The number of steps done, first that of the checkpoint, and what was noted so far.
+    """
+    adam = torch.optim.Adam(net.parameters(), recipe.rate)
+    start, curve = resume(checkpoint, net, adam, recipe)
+    yield start, curve
+    losses = []
+    for done in range(start + 1, recipe.steps + 1):
+        losses.append(take_step(net, adam, batch(done - 1), recipe, done - 1, teacher))
+        if done == recipe.steps or done % every == 0:
+            if check:
+                loss = round(float(np.mean(losses)), 6)
+                curve.append({"step": done, "training_loss": loss, **check(done)})
+            checkpoint.parent.mkdir(parents=True, exist_ok=True)
+            save_checkpoint(checkpoint, net, adam, recipe, done, curve)
+            losses = []
+        yield done, curve

@@ -61,9 +61,3 @@ def resume(path, net, adam, recipe) -> tuple[int, list]:
             state["state"].setdefault(int(i), {})[name] = v
     adam.load_state_dict(state)
     return int(facts["step"]), json.loads(facts["curve"])
-
-
-def saved_step(path, recipe) -> int:
-    """The next step of a checkpoint of this recipe; 0 without one."""
-    saved = _read(path, recipe)
-    return int(saved[1]["step"]) if saved else 0

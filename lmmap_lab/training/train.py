@@ -1,4 +1,4 @@
-"""Training a filter: batches, steps, validation, checkpoints.
+"""Training a filter: its data, network, validation and weights; the loop is `batches.learn`.
 
 The paper trains with Adam and binary cross-entropy, and cuts its data 80/20.  Our cut is by sequence, not by
 frame, so that no validation frame has a neighbour in training.  Ours are also: crops, most of them on
@@ -20,8 +20,7 @@ from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.pipeline.weights import load_card, save_weights, weight_path
 
 from . import dataset
-from .batches import half_precision, make_batch, take_step
-from .checkpoint import resume, save_checkpoint
+from .batches import half_precision, learn, make_batch
 from .learning import card_of, seeded, shipped, teacher_of, untrained
 from .recipe import Recipe
 
@@ -51,7 +50,6 @@ def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDAT
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
           every: int | None = None,
           network: Callable[[int, float], torch.nn.Module] | None = None,
-          validation_images: int = VALIDATION_IMAGES,
           samples_of: Callable[..., dataset.Samples] = dataset.Samples,
           encode=encode, device: str = "") -> Path:  # fmt: skip
     """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
@@ -69,8 +67,6 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     network
         Makes the network from its input channels and the share of positive pixels; default: a `FilterNet`.
         It takes images (N, C, H, W) and returns logits (N, 1, H, W).
-    validation_images
-        Held-out images of the last check.
     samples_of
         Makes the samples of sequences, as `dataset.Samples`.
     encode
@@ -92,27 +88,23 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     if recipe.start_from:  # another start is another run
         run += f"-from-{load_card(shipped(recipe, recipe.start_from))['sha256'][:8]}"
     net, teacher = net.to(device, memory_format=torch.channels_last), teacher_of(recipe, device)
-    adam = torch.optim.Adam(net.parameters(), recipe.rate)
     checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
-    start, curve = resume(checkpoint, net, adam, recipe)
     path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap, recipe.seed)
-    start_s, losses = time.monotonic(), []
+
+    def batch(step: int):
+        return make_batch(samples, recipe, step, encode)
+
+    def check(step: int) -> dict:
+        return validate(net, held_out, VALIDATION_IMAGES if step == recipe.steps else CHECKED_IMAGES, encode)
+
+    start_s, first = time.monotonic(), None
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
-        for step in range(start, recipe.steps):
-            losses.append(
-                take_step(net, adam, make_batch(samples, recipe, step, encode), recipe, step, teacher)
-            )
-            last = step + 1 == recipe.steps
-            if last or (step + 1) % every == 0:
-                fit = validate(net, held_out, validation_images if last else CHECKED_IMAGES, encode)
-                curve.append({"step": step + 1, "training_loss": round(float(np.mean(losses)), 6), **fit})
-                checkpoint.parent.mkdir(parents=True, exist_ok=True)
-                save_checkpoint(checkpoint, net, adam, recipe, step + 1, curve)
-                pace_s = (time.monotonic() - start_s) / (step + 1 - start)
-                left_min = pace_s * (recipe.steps - step - 1) / 60
+        for step, curve in learn(net, recipe, batch, checkpoint, every, teacher, check):
+            first = step if first is None else first
+            if step > first and curve and curve[-1]["step"] == step:
+                left_min = (time.monotonic() - start_s) / (step - first) * (recipe.steps - step) / 60
                 report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou:.3f}, {:.0f} min left".format(
                     recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
-                losses = []
     path.parent.mkdir(parents=True, exist_ok=True)
     card = card_of(recipe, samples, held_out, prior, device, curve)
     if network:

@@ -19,6 +19,7 @@ from lmmap.settings import OURS
 from lmmap.types import Recording
 from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import learning, self_labels
+from lmmap_lab.training import batches
 
 STEPS = 200
 FIRST = "light"  # a quarter of the other sets' arithmetic
@@ -116,7 +117,7 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(learned, tmp_path, monkeypat
     class Killed(Exception):
         pass
 
-    original, calls = learning.take_step, []
+    original, calls = batches.take_step, []
 
     def step(*arguments):
         calls.append(arguments)
@@ -125,7 +126,7 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(learned, tmp_path, monkeypat
         return original(*arguments)
 
     monkeypatch.setattr(learning, "CHECKPOINT_STEPS", 10)
-    monkeypatch.setattr(learning, "take_step", step)
+    monkeypatch.setattr(batches, "take_step", step)
     with pytest.raises(Killed):
         adapt(places.recording(), tmp_path)
     monkeypatch.setattr(self_labels, "estimate_image", None)  # every image is looked at already ...

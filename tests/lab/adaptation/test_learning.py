@@ -11,6 +11,7 @@ from lmmap.pipeline.network import CHANNELS, FilterNet
 from lmmap.pipeline.weights import FILTERS
 from lmmap_lab.adaptation import learning
 from lmmap_lab.adaptation.self_labels import Labelled
+from lmmap_lab.training import batches
 
 
 @pytest.fixture
@@ -48,15 +49,15 @@ def test_networks_learn_at_once_what_each_learns_alone(task, threads, tmp_path):
 
 def test_where_one_training_fails_the_other_stops(task, monkeypatch, tmp_path):
     nets, samples, recipes = task
-    taken, step = [], learning.take_step
+    taken, step = [], batches.take_step
 
-    def failing(net, adam, pair, recipe, k):
+    def failing(net, adam, pair, recipe, k, teacher):
         if recipe.filter == FILTERS[0]:
             raise KeyboardInterrupt
         taken.append(k)
         return step(net, adam, pair, recipe, k)
 
-    monkeypatch.setattr(learning, "take_step", failing)
+    monkeypatch.setattr(batches, "take_step", failing)
     recipes = [replace(recipe, steps=100_000) for recipe in recipes]
     with pytest.raises(KeyboardInterrupt):
         learning.train_both(nets, samples, recipes, tmp_path)

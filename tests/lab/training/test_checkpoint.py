@@ -7,7 +7,7 @@ import torch
 from strategies import line
 
 from lmmap.pipeline.network import FilterNet
-from lmmap_lab.training.checkpoint import resume, save_checkpoint, saved_step
+from lmmap_lab.training.checkpoint import resume, save_checkpoint
 from lmmap_lab.training.recipe import Recipe
 
 RECIPE = Recipe("ring", "event", steps=5)
@@ -34,9 +34,9 @@ def test_it_comes_back_for_its_recipe_alone(path):
         for p in net.parameters():
             p.zero_()
     assert resume(path, net, adam, Recipe("ring", "event", steps=6)) == (0, [])
-    assert resume(path, net, adam, RECIPE) == (3, [{"step": 3}]) and saved_step(path, RECIPE) == 3
+    assert resume(path, net, adam, RECIPE) == (3, [{"step": 3}])
     assert all(torch.equal(a, b) for a, b in zip(net.parameters(), trained()[0].parameters(), strict=True))
-    assert saved_step(path.with_name("none"), RECIPE) == 0
+    assert resume(path.with_name("none"), net, adam, RECIPE) == (0, [])
 
 
 def test_any_damage_is_one_line(path):
@@ -46,7 +46,7 @@ def test_any_damage_is_one_line(path):
         path.write_bytes(whole[:k] + bytes([whole[k] ^ 4]) + whole[k + 1 :])
         assert "delete it to start anew" in line(resume, path, *net, RECIPE), k
         path.write_bytes(whole[:k])
-        assert str(path) in line(saved_step, path, RECIPE)
+        assert str(path) in line(resume, path, *net, RECIPE)
     for make in (os.mkfifo, os.mkdir, lambda path: os.symlink("/proc/kmsg", path)):
         path.unlink()
         make(path)

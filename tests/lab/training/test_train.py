@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from lmmap.pipeline import network, weights
 from lmmap.settings import PAPER
 from lmmap.types import InputError
-from lmmap_lab.training import augment, dataset, learning, train
+from lmmap_lab.training import augment, batches, dataset, learning, train
 from lmmap_lab.training.recipe import Recipe
 
 
@@ -287,3 +287,10 @@ def test_drawing_a_network_s_weights_leaves_torch_s_generator_alone():
     drawn = learning.untrained(recipe, 0.1).state_dict()
     assert torch.equal(torch.random.get_rng_state(), before)
     assert all(torch.equal(drawn[name], expected[name]) for name in expected)
+
+
+def test_a_mean_of_true_and_taught_masks():
+    net = network.FilterNet(1, widths=(2, 2, 2)).requires_grad_(False)
+    x, y = torch.rand(1, 1, 16, 16), torch.ones(1, 1, 16, 16)
+    assert batches.taught(None, x, y) is y
+    np.testing.assert_allclose(batches.taught(net, x, y), (1 + torch.sigmoid(net(x))) / 2, rtol=1e-6)
