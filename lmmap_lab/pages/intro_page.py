@@ -96,7 +96,7 @@ def draw_first(recording: Recording, outlines):
     Parameters
     ----------
     outlines
-        By picture, as tuning/measure_port.py writes them.
+        By picture, those of data/results/port-outlines.json.
 
     Returns
     -------

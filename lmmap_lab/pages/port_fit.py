@@ -20,7 +20,7 @@ def draw_fit(outlines: Mapping[str, dict], titles: Mapping[str, str]):
     Parameters
     ----------
     outlines
-        By picture, as tuning/measure_port.py writes them.
+        By picture, those of data/results/port-outlines.json.
     """
     fig, axes = plt.subplots(1, len(titles), figsize=(7.6, 4.2), squeeze=False)
     for ax, (name, title) in zip(axes[0], titles.items(), strict=True):

@@ -2,8 +2,10 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.collections import LineCollection, PolyCollection
 
+from lmmap.types import Port
 from lmmap_lab.pages import drawings, port_fit
 from lmmap_lab.provenance import DATA, load_json
 
@@ -38,3 +40,21 @@ def test_the_committed_outlines_are_described_and_the_model_runs_through_the_pix
         off_px = np.array([np.hypot(*(near - pixel).T).min() for pixel in pixels])
         assert np.median(off_px) < 0.5
     plt.close(fig)
+
+
+def test_the_port_is_the_measured_one_but_for_the_length_of_its_markers():
+    """All lengths but that one lie in the committed 95 % intervals."""
+    port, measured = Port.lm_map(), pd.read_csv(DATA / "results" / "port.csv").set_index("dimension")
+    (length, width), (tangential, radial) = port.marker_size_m, port.window_size_m
+    ours_m = {
+        "ring_inner": port.ring_inner_radius_m, "plate_height": port.plate_height_m,
+        "marker_inner": port.marker_radius_m - width / 2, "marker_outer": port.marker_radius_m + width / 2,
+        "marker_half_length": length / 2, "plate_circumradius": port.plate_circumradius_m,
+        "window_centre": port.window_radius_m, "window_half_radial": radial / 2,
+        "window_half_tangential": tangential / 2, "petal_rise": port.petal_rise_m,
+        "petal_lean": port.petal_lean_m, "petal_half_width_at_plate": port.petal_widths_m[0] / 2,
+        "petal_half_width_at_tip": port.petal_widths_m[1] / 2,
+    }  # fmt: skip
+    ours_mm = 1e3 * pd.Series(ours_m).reindex(measured.index)
+    outside = (ours_mm < measured.mm_low) | (ours_mm > measured.mm_high)
+    assert list(measured.index[outside]) == ["marker_half_length"]
