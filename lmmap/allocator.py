@@ -9,8 +9,8 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # options of mallopt, from malloc.h
 
 
 def tune_allocator() -> None:
-    """Have glibc keep the networks' large buffers for the rest of this process; the command and the study
-    call it when they start.
+    """Have glibc keep the networks' large buffers for the rest of this process, which has to be ours: the
+    command's, or a worker's.
 
     Given back at each free and faulted in anew page by page, the buffers cost a fifth of the time.  Other
     allocators are left as they are.

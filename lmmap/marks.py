@@ -10,6 +10,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from .documents import read_json
 from .errors import InputError
 from .files import atomic, read_text, regular_file, temporary, writes
 
@@ -25,8 +26,8 @@ def has_mark(path, mark: str) -> bool:
 def check_mark(path, mark, made_of: dict) -> None:
     """`InputError` unless the file of a mark says that an unfinished output was made of the same."""
     try:
-        before = json.loads(read_text(mark, MAX_BYTES))
-    except (InputError, ValueError, RecursionError):
+        before = read_json(read_text(mark, MAX_BYTES))
+    except (InputError, ValueError):
         raise InputError(
             f"{path}: nothing beside it says what it was made of ({Path(mark).name}), so "
             "it cannot be resumed; give another name, or --overwrite to replace it"

@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path
 
 from lmmap.camera_files import camera_of, odd
-from lmmap.documents import read_json, shown
+from lmmap.documents import once, read_json, shown
 from lmmap.recordings.stream import Source
 from lmmap.types import Camera
 
@@ -65,6 +65,8 @@ def inside(source: Source, cameras: dict[str, dict]) -> tuple[Camera | None, str
     except ValueError as error:
         return None, f"its own calibrations are not used ({error})"
     try:
+        if after := cameras[name].get("changes"):
+            raise ValueError(f"it changes {after} after the beginning: cut the bag there")
         camera = camera_of(camera_fields(cameras[name], size_px))
         if size_px not in (None, camera.size_px):
             raise ValueError(
@@ -105,7 +107,7 @@ def cameras_in(document) -> dict[str, dict]:
 def _cameras_of_lines(lines: list[list[str]]) -> dict[str, dict]:
     """Cameras of COLMAP's ``cameras.txt``, or of RPG's ``calib.txt``: fx fy cx cy, then k1 k2 p1 p2 k3."""
     if lines and len(lines[0]) > 4 and lines[0][1].isupper():
-        return {line[0]: _colmap(line[1], line[2:4], line[4:]) for line in lines}
+        return once([(line[0], _colmap(line[1], line[2:4], line[4:])) for line in lines])
     numbers = [number(word) for line in lines for word in line]
     if len(numbers) not in (4, 8, 9) or any(isinstance(n, str) for n in numbers):
         raise ValueError("expected lines of COLMAP, or fx fy cx cy and none, four or five coefficients")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from lmmap.camera_files import NAMES
-from lmmap.documents import shown
+from lmmap.documents import once, shown
 
 # keys in small letters without _, of: Kalibr, dv-processing, M3ED; Metavision
 SIZE = ("resolution", "imagesize", "imgsize")
@@ -108,7 +108,7 @@ def word(value) -> str:
 
 
 def _plain(camera: dict) -> dict:
-    return {word(key): value for key, value in camera.items()}
+    return once([(word(key), value) for key, value in camera.items()])
 
 
 def _pinhole(matrix: list) -> list:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 from lmmap.documents import MAX_DEPTH, once, shown
 
@@ -29,9 +30,17 @@ def read_yaml(text: str):
                 raise ValueError(f"it has the tag {shown(event.tag)}")
             if depth > MAX_DEPTH:
                 raise ValueError(f"nested deeper than {MAX_DEPTH} levels")
-        return yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        loader.construct_mapping = partial(_mapping, loader)
+        return loader.get_single_data()
     except yaml.YAMLError as error:
         raise ValueError(f"not YAML: {' '.join(str(error).split()):.100}") from None
+
+
+def _mapping(loader, node, deep: bool = False) -> dict:
+    """The dict of a YAML mapping; ValueError where a key is stated twice, of which YAML's takes the last."""
+    once([(str(key.value), None) for key, _ in node.value])
+    return type(loader).construct_mapping(loader, node, deep)
 
 
 def read_xml(text: str) -> dict:

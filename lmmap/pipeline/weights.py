@@ -11,6 +11,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from ..documents import read_json
 from ..files import atomic, read_text, regular_file
 from ..shipped import DATA
 from ..types import InputError
@@ -47,11 +48,11 @@ def load_card(path) -> dict:
     """The model card beside a weight file."""
     path = Path(path).with_suffix(".json")
     try:
-        card = json.loads(read_text(path, MAX_CARD_BYTES))
+        card = read_json(read_text(path, MAX_CARD_BYTES))
         if not isinstance(card, dict):
             raise ValueError("it is no object")
         return card
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: not a model card ({str(error)[:100]}); restore it") from None
 
 

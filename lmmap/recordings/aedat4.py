@@ -44,6 +44,9 @@ def read(path: Path, stream: int | str | None = None) -> Source:
     compression, end, streams = _header(path)
     if end >= 0 and not _whole_table(path, end, compression):
         raise ValueError("truncated in its table of packets")
+    if end < 0:
+        text = "its recording was cut off; what its whole packets hold is read"
+        warnings.warn(f"{path}: {text}", stacklevel=7)
     used = _chosen(path, streams, stream)
     sizes = {streams[k].size_px for k in used.values()}
     if len(sizes) != 1:

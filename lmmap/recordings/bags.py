@@ -114,19 +114,26 @@ def read(path: Path, dialect: Dialect) -> Source | None:
 
 
 def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
-    """What the topics of sensor_msgs/CameraInfo say first, as `Source.cameras` has it, the cameras that
-    are not calibrated last.  Of images that are ``rectified`` it is the projection, without distortion."""
-    cameras = {}
+    """The first message of each topic of sensor_msgs/CameraInfo, and after how long it ``changes``, as
+    `Source.cameras`; cameras that are not calibrated come last.  For ``rectified`` images it is the projection,
+    without distortion."""
+    cameras, changes, last = {}, {}, {}
     with dialect.open(path) as bag:
-        for c in sorted((c for c in bag.connections if c.msgtype == CAMERA_INFO), key=lambda c: c.topic):
-            for connection, _, raw in islice(bag.messages([c]), 1):
-                info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
-                names = ("width", "height", "distortion_model", "binning_x", "binning_y")
-                values = {name: info[name] for name in names} | {"roi": vars(info["roi"])}
-                P = info["p"].reshape(3, 4)[:, :3].ravel()
-                values |= {"k": P.tolist(), "d": []} if rectified else {n: info[n].tolist() for n in "kd"}
-                cameras[c.topic] = values | {"rostopic": c.topic}
-    return dict(sorted(cameras.items(), key=lambda camera: not any(camera[1]["k"])))
+        infos = [c for c in bag.connections if c.msgtype == CAMERA_INFO]
+        for connection, recorded_ns, raw in bag.messages(infos) if infos else ():
+            topic, content = connection.topic, raw[12:]  # behind the message's number and stamp
+            if last.get(topic) == content:
+                continue
+            last[topic] = content
+            info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
+            names = ("width", "height", "distortion_model", "binning_x", "binning_y")
+            camera = {name: info[name] for name in names} | {"roi": vars(info["roi"]), "rostopic": topic}
+            P = info["p"].reshape(3, 4)[:, :3].ravel()
+            camera |= {"k": P.tolist(), "d": []} if rectified else {n: info[n].tolist() for n in "kd"}
+            if cameras.setdefault(topic, camera) != camera:
+                changes.setdefault(topic, f"{(recorded_ns - bag.start_time) / 1e9:.3f} s")
+    order = sorted(cameras, key=lambda topic: (not any(cameras[topic]["k"]), topic))
+    return {topic: cameras[topic] | {"changes": changes.get(topic)} for topic in order}
 
 
 def _events(path: Path, dialect: Dialect, topic: Topic) -> Iterator[np.ndarray]:

@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from lmmap.allocator import tune_allocator
 from lmmap.estimation.images import timed_images
 from lmmap.files import atomic, lock, temporary, writes
 from lmmap.marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
@@ -101,7 +100,6 @@ def _recipes(estimator: Estimator, steps: int, seed: int, recording: str) -> lis
 def _adapt(recording, folder: Path, unfinished: Path, estimators: dict, recipes: dict, weights, facts: dict,
            report) -> dict[str, Outcome]:  # fmt: skip
     """As `adapt`, in a folder that no other process writes, going on with what is unfinished."""
-    tune_allocator()
     modalities, seconds = list(estimators), facts["seconds"]
     looks = {m: list(looks_of(recording, e, seconds, unfinished, facts)) for m, e in estimators.items()}
     if not any(looks.values()):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lmmap.documents import read_json
 from lmmap.files import read_text, regular_file
 from lmmap.marks import check_same
 from lmmap.pipeline.estimator import Estimator
@@ -137,10 +138,10 @@ def finished(folder: Path, facts: dict) -> dict[str, Outcome] | None:
 def check_whole(folder: Path) -> dict:
     """What `MADE_OF` in a finished folder says; `InputError` unless the folder's files are those it lists."""
     try:
-        kept = json.loads(read_text(folder / MADE_OF, MAX_BYTES))
+        kept = read_json(read_text(folder / MADE_OF, MAX_BYTES))
         if kept.pop("sha256") != _digest(kept):
             raise ValueError("its hash is another")
-    except (ValueError, TypeError, AttributeError, LookupError, RecursionError):
+    except (ValueError, TypeError, AttributeError, LookupError):
         remedy = "delete the folder, or give another one"
         raise InputError(f"{folder / MADE_OF}: damaged, or of another version; {remedy}") from None
     for name, expected in kept["files"].items():

@@ -133,7 +133,8 @@ def reproduce(profile: str, report=_print, jobs: int = 1, pictures=None, go_on: 
         else:
             waiting[name] = mark
     tasks = (joblib.delayed(run_sequence)(n, profile, study, m, report, pictures) for n, m in waiting.items())
-    for _ in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+    each = {"return_as": "generator_unordered", "initializer": tune_allocator}  # of other processes
+    for _ in joblib.Parallel(n_jobs=jobs, **each)(tasks):
         pass
     if not waiting and has_mark(folder / "tables.done", tables_mark):
         return False
@@ -168,7 +169,6 @@ def seconds_of(name: str, profile: str) -> float:
 
 def run_sequence(name: str, profile: str, study: Study, mark: str, report, pictures=None) -> None:
     """Estimate a sequence's images, and write its results into the profile's folder."""
-    tune_allocator()
     folder, kind = study.derived / profile, name.split("-")[0]
     recording = study.recording(name, seconds_of(name, profile), folder, report)
     facts = {"profile": profile, "seed": name}

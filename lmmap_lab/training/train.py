@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from lmmap.allocator import tune_allocator
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.pipeline.weights import load_card, save_weights, weight_path
 
@@ -79,7 +78,6 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     samples, held_out = (samples_of(part, recipe.filter, recipe.modality, folder)
                          for part in dataset.split(names))  # fmt: skip
     prior, device = samples.positive_share(), device or ("cuda" if torch.cuda.is_available() else "cpu")
-    tune_allocator()
     if network:
         net = seeded(recipe, network, CHANNELS[recipe.modality], prior)
         run = f"{recipe.name}-{network.__name__}"

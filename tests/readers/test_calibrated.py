@@ -42,7 +42,8 @@ def bag1(path, infos, image="/dvs/image_raw"):
             ),
             (image, "sensor_msgs/msg/Image", dict(height=260, width=346) | frame),
         ):
-            connection = bag.add_connection(topic, kind, typestore=store)
+            same = (c for c in bag.connections if c.topic == topic)
+            connection = next(same, None) or bag.add_connection(topic, kind, typestore=store)
             message = store.types[kind](header=header, **fields)
             bag.write(connection, T0 * 1000, store.serialize_ros1(message, kind))
     return path
@@ -94,6 +95,20 @@ def test_rectified_images_have_the_projection_s_lens(bag):
     with pytest.warns(UserWarning, match="own calibration"):
         camera = open_recording(path).camera
     assert camera == Camera(346, 260, 300.0, 301.0, 173.0, 130.0)
+
+
+@pytest.mark.parametrize("change", [{"roi": (0, 0, 130, 346)}, {"k": 2 * CAMERA.K.ravel()}])
+def test_a_camera_info_that_changes_is_not_used(bag, change):
+    """Neither its first value nor its last is taken without a word."""
+    messages = [("/dvs/camera_info", CAMERA, {}), ("/dvs/camera_info", CAMERA, change)]
+    with pytest.warns(UserWarning, match=r"/dvs/camera_info is not used \(it changes 0\.000 s after .*: cut"):
+        assert open_recording(bag(*messages)).camera == Camera.davis346()
+
+
+def test_a_camera_info_that_repeats_itself_is_used_beside_one_that_changes(bag):
+    other = [("/b/camera_info", CAMERA, {"k": k * CAMERA.K.ravel()}) for k in (1, 2)]
+    with pytest.warns(UserWarning, match=r"taking its own calibration /dvs/camera_info$"):
+        assert open_recording(bag(*other, *2 * [("/dvs/camera_info", FISHEYE, {})])).camera == FISHEYE
 
 
 @pytest.mark.parametrize("of", ["no numbers", "another size", "a lens that is unknown"])

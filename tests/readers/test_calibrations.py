@@ -288,6 +288,15 @@ def test_a_value_that_is_stated_twice(tmp_path):
     Camera(*PINHOLE).save(tmp_path / "c.json")
     text = (tmp_path / "c.json").read_text().replace("{", '{"fx_px": 400.0,', 1)
     assert "fx_px is stated twice" in refused(tmp_path, text, "c.json")
+    kalibr = "cam0: {intrinsics: [226, 227, 173, 133], resolution: [346, 260]}\n"
+    for name, text, said in (
+        ("c.yaml", opencv("image_width: 640"), "image_width"),
+        ("c.yaml", opencv("imageWidth: 640"), "imagewidth"),
+        ("c.yaml", opencv("D: {rows: 1, cols: 0, rows: 2}"), "rows"),
+        ("k.yaml", 2 * kalibr, "cam0"),
+        ("cameras.txt", 2 * FILES["cameras.txt"], "7"),
+    ):
+        assert f"({said} is stated twice)" in refused(tmp_path, text, name)
 
 
 def test_a_camera_info_as_a_file_may_be_of_a_region(tmp_path):

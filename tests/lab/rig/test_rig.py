@@ -136,6 +136,13 @@ def test_what_is_no_file_or_too_large_is_not_read(tmp_path):
         assert words in line(read_hand_eye, tmp_path / name)
 
 
+def test_a_hand_eye_file_that_states_a_value_twice(tmp_path):
+    standin.write_hand_eye(tmp_path / "h.yaml")
+    text = (tmp_path / "h.yaml").read_text()
+    (tmp_path / "h.yaml").write_text(text + "transformation: {x: 0}\n")
+    assert "transformation is stated twice" in line(read_hand_eye, tmp_path / "h.yaml")
+
+
 def test_hand_eye_files_of_every_layout_agree(tmp_path):
     standin.write_hand_eye(tmp_path / "a.yaml")
     hand_eye = read_hand_eye(tmp_path / "a.yaml")

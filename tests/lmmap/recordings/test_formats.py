@@ -1,6 +1,7 @@
 """Laws of recording files: what their libraries write comes back exactly; what is damaged is named."""
 
 import os
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -213,15 +214,24 @@ def interrupted(whole: bytes) -> tuple[bytes, int]:
     return whole[:at] + b"\xff" * 8 + whole[at + 8 : end], end
 
 
-@pytest.mark.parametrize("lost_bytes", [0, 1, 300, 9000])
-def test_interrupted_recording_keeps_its_whole_packets(files, tmp_path, lost_bytes):
+def test_a_recording_cut_off_anywhere_keeps_its_whole_packets_and_says_so(files, tmp_path):
     content, end = interrupted(files[".aedat4"].read_bytes())
-    (tmp_path / "r.aedat4").write_bytes(content[: end - lost_bytes])
-    back = open_recording(tmp_path / "r.aedat4", CAMERA)
-    original = recording(truth=False)
-    assert len(back.frames) == (3 if lost_bytes == 0 else len(back.frames)) and len(back.frames) >= 1
-    np.testing.assert_array_equal(back.events, original.events)
-    np.testing.assert_array_equal(back.frames, original.frames[: len(back.frames)])
+    original, path, kept = recording(truth=False), tmp_path / "r.aedat4", []
+    for length in (*range(0, end, end // 25), end - 9000, end - 300, end - 5, end - 1, end):
+        path.write_bytes(content[:length])
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always")
+            try:
+                back = open_recording(path, CAMERA)
+            except InputError as refused:
+                assert str(path) in str(refused) and not kept  # before its first whole packet
+                continue
+        assert [str(n.message) for n in notes if "r.aedat4: its recording was cut off" in str(n.message)]
+        kept.append((len(back.events), len(back.frames)))
+        np.testing.assert_array_equal(back.events, original.events[: len(back.events)])
+        np.testing.assert_array_equal(back.frames, original.frames[: len(back.frames)])
+    assert kept == sorted(kept) and len(set(kept)) > 2
+    assert kept[-1] == (len(original.events), len(original.frames)) and kept[-2] != kept[-1]
 
 
 def broken(**columns) -> Recording:
