@@ -115,8 +115,8 @@ def read(path: Path, dialect: Dialect) -> Source | None:
 
 def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
     """The first message of each topic of sensor_msgs/CameraInfo, and after how long it ``changes``, as
-    `Source.cameras`; cameras that are not calibrated come last.  For ``rectified`` images it is the projection,
-    without distortion."""
+    `Source.cameras`; cameras that are not calibrated come last.  For ``rectified`` images it is the
+    projection, without distortion."""
     cameras, changes, last = {}, {}, {}
     with dialect.open(path) as bag:
         infos = [c for c in bag.connections if c.msgtype == CAMERA_INFO]
