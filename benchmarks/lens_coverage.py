@@ -22,12 +22,12 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from lmmap.geometry.port import ideal_masks, in_view
-from lmmap.recordings.webcam import assumed
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.rig.lens import INFLATION, fit_lens
 from lmmap_lab.rig.port_calibration import with_lens
 from lmmap_lab.rig.port_views import Views
+from lmmap_readers.webcam import assumed
 
 WIDTH, HEIGHT, VIEWS, CLIPS = 640, 480, 30, 10
 FOLD, CENTRE, BRIGHT, INK = 0.03, 0.008, 0.6, 0.04

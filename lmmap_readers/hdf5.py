@@ -11,15 +11,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from lmmap.recordings.depth import eight_bit
 from lmmap.recordings.hdf5 import columns, dsec, frames, hdf5_file, offset_of_us, opened, stated_size_px
 from lmmap.recordings.hdf5_datasets import blocks, open_dataset, open_text
 from lmmap.recordings.stream import CHUNK, Source
-from lmmap.recordings.units import microseconds
 from lmmap.types import event_array
 
 from . import prophesee
 from .camera_fields import stated_size
+from .time_units import microseconds
 from .units import RUN, Guessed
 
 # of one camera each: DSEC's and ours, M3ED's, MVSEC's
@@ -41,11 +40,12 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
         if group := _chosen(path, groups, stream):
             if f"{group}/t" not in file:
                 return _read_mvsec(path, file, group, time_unit)
-            t, offset_us = columns(file, group)[0], offset_of_us(file, time_unit)
+            in_us = partial(microseconds, unit=time_unit)
+            t, offset_us = columns(file, group)[0], offset_of_us(file, in_us)
             cameras = _cameras(file, f"{group}/calib")
             size_px = stated_size_px(file) or next(map(stated_size, cameras.values()), None)
-            events = partial(opened, path, partial(dsec, group=group, time_unit=time_unit))
-            images = eight_bit(path, partial(frames, path, "", "frames", "frames_t_us"))
+            events = partial(opened, path, partial(dsec, group=group, in_us=in_us))
+            images = partial(frames, path, "", "frames", "frames_t_us", partial(microseconds, unit=None))
             span_us = None
             if len(t):
                 ends = np.array([t[0], t[-1]])
@@ -73,7 +73,9 @@ def _chosen(path: Path, groups: list[str], wanted: str | None) -> str | None:
 def _read_mvsec(path: Path, file: h5py.File, group: str, time_unit: str | None) -> Source:
     name = f"{group}/image_raw"
     size_px = open_dataset(file, name, 3, 4).shape[2:0:-1] if name in file else None
-    images = eight_bit(path, partial(frames, path, f"{group}/", "image_raw", "image_raw_ts", time_unit))
+    images = partial(
+        frames, path, f"{group}/", "image_raw", "image_raw_ts", partial(microseconds, unit=time_unit)
+    )
     return Source(
         path, size_px, partial(opened, path, partial(_mvsec, group=group, time_unit=time_unit)), images
     )

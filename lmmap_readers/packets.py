@@ -9,7 +9,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from lmmap.recordings import bags, rosbag
-from lmmap.recordings.encodings import Unread
+from lmmap.recordings.bags import Unread
 
 from . import evt
 

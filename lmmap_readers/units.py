@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lmmap.recordings.units import NANOSECONDS, UNITS, microseconds, unit_of
+from lmmap.recordings.formats import UNITS
+
+from .time_units import NANOSECONDS, microseconds, unit_of
 
 FEWEST, LONG_S = 100, 10.0  # events to judge by; so long no sensor is quieter than the next number
 QUIETEST_HZ, LOUDEST_HZ = 1000, 500  # of a sensor, and of a pixel; a DAVIS 346 can have 130

@@ -13,14 +13,13 @@ import pandas as pd
 
 from .. import plugins
 from ..estimation.estimates import estimate, merge_by_time
-from ..evaluation import cells, error_table, truth_form
+from ..evaluation import cells, error_table
 from ..recordings.pose_files import read_truth
-from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
 from ..settings import MODALITIES
 from ..tracking.fusion import fuse
 from ..types import Estimate, InputError, Port, Trajectory
-from .inputs import can_be_fused, make_estimator, open_input
+from .inputs import can_be_fused, find_rig, make_estimator, open_input
 from .progress import Bar
 
 DAY_US = 86_400_000_000  # no recording is longer
@@ -56,7 +55,7 @@ def _truth(a: Namespace, stream: Stream) -> Trajectory:
         return read_truth(a.truth)
     if stream.truth is not None:
         return stream.truth
-    if rig := find_rig(a.recording):
+    if rig := find_rig(a):
         with suppress(plugins.NotInstalled):
             return plugins.first("evaluate", plugins.TRUTHS, a.recording, rig)
     name, also = f"{a.recording.stem}.truth.csv", ""
@@ -97,7 +96,8 @@ def _error_tables(a: Namespace, stream: Stream, estimates: dict, port: Port) -> 
         remedy = "try the other" if a.modality else "give a truth of the recording's own times"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
     seen = max(tables, key=lambda m: tables[m].position_error_m.count())
-    if form := truth_form.other(estimates[seen], stream.truth, port.yaw_period_rad):
+    other_form = plugins.reader("truth_form")
+    if other_form and (form := other_form(estimates[seen], stream.truth, port.yaw_period_rad)):
         warnings.warn(f"{a.truth or a.recording}: {form}", stacklevel=2)
     if missing := [m for m in asked if m not in tables]:
         text = f"{a.recording}: holds no {' and no '.join(missing)} data that its truth covers"

@@ -9,10 +9,9 @@ from .. import plugins
 from ..pipeline.rescale import is_short, trained_range_m
 from ..recordings.formats import format_name
 from ..recordings.health import health
-from ..recordings.rig import find_rig
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS
-from .inputs import open_input
+from .inputs import find_rig, open_input
 from .progress import RED, add_colour
 
 FAULTS = ("backward_steps", "frames_backward", "out_of_range", "hot_pixels")
@@ -36,7 +35,7 @@ def info(a: Namespace) -> None:
         facts["sensor"] = of_size((facts["width_px"], facts["height_px"])) or None
     if facts["frames"]:
         facts.setdefault("exposure_ms", None)
-    rig = find_rig(a.recording)
+    rig = find_rig(a)
     facts["truth"] = facts["truth"] or rig is not None
     facts |= _lens(stream.camera, rig.port if rig else Port.lm_map())
     facts["would_estimate"] = {"rgb": facts["frames"], "event": facts["windows"]}

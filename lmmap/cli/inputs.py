@@ -14,7 +14,6 @@ from ..pipeline.image_estimator import settings_for
 from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.journal import recording_mark
-from ..recordings.rig import find_rig
 from ..recordings.stream import Stream
 from ..settings import MODALITIES, Settings
 from ..tracking.fusion import LEAST_HZ
@@ -145,9 +144,14 @@ def check_rate(name: str, rate_hz: float | None, what: str) -> None:
         )
 
 
+def find_rig(a: Namespace):
+    """The rig beside the recording that is named, if there is one and its reader."""
+    return find(read_from(a)) if (find := plugins.reader("rig")) else None
+
+
 def find_port(a: Namespace) -> Port:
     """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
-    known = None if a.port else find_rig(read_from(a))
+    known = None if a.port else find_rig(a)
     return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
 
 

@@ -20,7 +20,6 @@ from ..recordings import devices
 from ..recordings.formats import load_camera
 from ..recordings.journal import Journal
 from ..recordings.stream import Stream
-from ..recordings.webcam import Webcam, assumed
 from ..tracking.tracker import Tracker
 from ..types import Camera, Estimate, InputError
 from .inputs import (
@@ -61,17 +60,21 @@ def live(a: Namespace) -> None:
 def _open(a: Namespace) -> tuple[object, Camera, Stream | None]:
     """The device that was asked for, its camera and, if it is played, its recording."""
     if isinstance(name := a.recording, str):
-        device = Webcam(name, flips_of(a))
-        camera = load_camera(a.camera, device.size_px) if a.camera else assumed(device.size_px, name)
+        device = plugins.needed("webcam", name)(name, flips_of(a))
+        camera = (
+            load_camera(a.camera, device.size_px)
+            if a.camera
+            else plugins.needed("assumed", name)(device.size_px, name)
+        )
     elif a.recording:
         stream = open_input(a, checked=False)
         if stream.camera is None and not (a.modality == "rgb" and stream.source.size_px):
             stream = open_input(a)  # raises
-        camera = stream.camera or assumed(stream.source.size_px, a.recording)
+        camera = stream.camera or plugins.needed("assumed", a.recording)(stream.source.size_px, a.recording)
         stream = replace(stream, camera=camera, checked=True)
         return devices.Played(stream), camera, stream
     elif a.camera:
-        device, camera = devices.Attached(flips_of(a)), load_camera(a.camera)
+        device, camera = plugins.needed("attached", "live")(flips_of(a)), load_camera(a.camera)
     else:
         raise InputError("live: no calibration; give the attached camera's with --camera")
     if camera.size_px != device.size_px:

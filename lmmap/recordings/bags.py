@@ -13,16 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import plugins
 from ..types import InputError
-from .depth import eight_bit
-from .encodings import Unread, pixels
 from .images import decode
+from .limits import check_image
 from .stream import Source, in_chunks, nothing
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 EVENTS = ("/EventArray", "/EventPacket")  # ends of the types of event messages
 PACKETS = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")  # of packed events
+
+
+class Unread(ValueError):
+    """What no reader knows to read in a topic; the message names it."""
 
 
 class Dialect(NamedTuple):
@@ -62,7 +66,7 @@ class Dialect(NamedTuple):
         """The image (H, W, 3) of a message, u8 or u16; raises `Unread`."""
         message = self.deserialize(bag, connection, raw)
         if not hasattr(message, "format"):
-            return pixels(message)
+            return _pixels(message)
         if "compressedDepth" in message.format:
             raise Unread(f"images encoded as {message.format[:40]}")
         return decode(bytes(message.data))
@@ -103,7 +107,7 @@ def read(path: Path, dialect: Dialect) -> Source | None:
     for text in unread:
         warnings.warn(f"{path}: left out {text}", stacklevel=4)
     event_chunks = partial(_events, path, dialect, events) if events else nothing
-    frames = eight_bit(path, partial(_frames, path, dialect, images)) if images else nothing
+    frames = partial(_frames, path, dialect, images) if images else nothing
     names = tuple(topic.name for topic in (events, images) if topic)
     rectified = {name for name in names if re.search("[_/]rect", name)}
     if rectified and len(rectified) < len(names):
@@ -192,6 +196,18 @@ def _look(bag, dialect: Dialect, name: str, first: list[tuple]) -> Topic:
     stamp_us = recorded_us if no_stamps else dialect.time_us(raw)
     no_times = bool(is_array and stamp_us and len(events) and not events["t_us"].any())
     return Topic(name, size_px, events.dtype, no_stamps, no_times)
+
+
+def _pixels(message) -> np.ndarray:
+    """The image (H, W, 3) of a sensor_msgs/Image: RGB of 8 bits here, any other by readers;
+    raises `Unread`."""
+    if message.encoding != "rgb8":
+        if other := plugins.reader("encoding"):
+            return other(message)
+        raise Unread(f"images encoded as {message.encoding[:40]}")
+    check_image(message.width, message.height)
+    rows = np.asarray(message.data).reshape(message.height, message.step)[:, : 3 * message.width]
+    return np.ascontiguousarray(rows).reshape(message.height, message.width, 3)
 
 
 def _kind(msgtype: str) -> str | None:

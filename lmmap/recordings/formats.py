@@ -19,8 +19,8 @@ from . import aedat4, hdf5, images, rosbag
 from .limits import check_times
 from .pose_files import read_truth
 from .stream import Source, Stream, input_errors
-from .units import UNITS
 
+UNITS = ("s", "ms", "us", "ns")
 METADATA = "metadata.yaml"  # what tells a ROS 2 bag's folder from another
 
 
@@ -75,7 +75,7 @@ def open_stream(
             raise InputError(f"{path}: {flag} is for {OPTIONS[name][1]}; leave it out")
     if {"fps", "time_unit"} <= options.keys():
         raise InputError(f"{path}: --fps makes the times, so they have no --time-unit; leave one out")
-    read = images.read_numbered if "fps" in options else READERS.get(kind)
+    read = READERS.get(kind)
     source = read and read(path, **options)
     if source is None:  # of another layout than ours
         source = plugins.needed(kind, path)(path, **options)
@@ -176,7 +176,7 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("AEDAT4 of iniVation's DV", (".aedat4", ".aedat"), aedat4.read),
     ("ROS 1 bag: dvs_msgs or event_camera_msgs events, sensor_msgs images", (".bag",), rosbag.read),
     ("HDF5 in the layouts of DSEC (ours too), M3ED, MVSEC and Prophesee", (".h5", ".hdf5"), hdf5.read),
-    ("images with timestamps.txt or images.txt", ("folder",), images.read_folder),
+    ("images with timestamps.txt or images.txt", ("folder",), images.read_numbered),
     ("one picture", images.IMAGE_SUFFIXES, images.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )

@@ -10,12 +10,12 @@ import h5py
 import numpy as np
 
 from ..types import event_array
-from .depth import eight_bit
 from .hdf5_datasets import blocks, open_dataset
 from .limits import MAX_TIME_US, check_image
 from .stream import CHUNK, Source, pieces, reader
-from .units import microseconds
 
+InUs = Callable[[np.ndarray], np.ndarray]  # makes times microseconds; ours are
+as_stored = np.asarray
 hdf5_file = reader(
     "not a recording in HDF5", "give one as DSEC's or MVSEC's, or copy it again", (RuntimeError, KeyError)
 )
@@ -25,15 +25,19 @@ hdf5_file = reader(
 def read(path: Path, time_unit: str | None = None, stream: str | None = None) -> Source | None:
     """Events ``events/{t,x,y,p}`` in microseconds after ``t_offset``, and ``frames`` at ``frames_t_us``.
 
-    None of a file that does not state its ``size_px`` as ours do, or where an option asks for another layout.
+    None of a file that does not state its ``size_px`` and has times in whole numbers as ours, or where an
+    option asks for another layout.
     """
     with h5py.File(path, "r") as file:
         if time_unit or stream or "size_px" not in file.attrs or "events/t" not in file:
             return None
-        t, start_us = columns(file, "events")[0], offset_of_us(file, None)
-        ends_us = microseconds(np.array([t[0], t[-1]]), None) if len(t) else ()
+        t = columns(file, "events")[0]
+        if t.dtype.kind not in "iu":
+            return None
+        start_us = offset_of_us(file)
+        ends_us = (t[0], t[-1]) if len(t) else ()
         events = partial(opened, path, partial(dsec, group="events"))
-        images = eight_bit(path, partial(frames, path, "", "frames", "frames_t_us"))
+        images = partial(frames, path, "", "frames", "frames_t_us")
         span_us = tuple(start_us + int(end_us) for end_us in ends_us) or None
         return Source(path, stated_size_px(file), events, images, span_us)
 
@@ -57,11 +61,11 @@ def columns(file: h5py.File, group: str) -> list[h5py.Dataset]:
     return found
 
 
-def offset_of_us(file: h5py.File, time_unit: str | None) -> int:
-    """What the times of all groups are counted from."""
+def offset_of_us(file: h5py.File, in_us: InUs = as_stored) -> int:
+    """What the times of all groups are counted from, of a function that makes times microseconds."""
     if "t_offset" not in file:
         return 0
-    return int(microseconds(np.atleast_1d(open_dataset(file, "t_offset", 0)[()]), time_unit)[0])
+    return int(in_us(np.atleast_1d(open_dataset(file, "t_offset", 0)[()]))[0])
 
 
 def opened(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> Iterator[np.ndarray]:
@@ -71,15 +75,15 @@ def opened(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> I
             yield from pieces(events, CHUNK)
 
 
-def dsec(file: h5py.File, group: str, time_unit: str | None = None) -> Iterator[np.ndarray]:
+def dsec(file: h5py.File, group: str, in_us: InUs = as_stored) -> Iterator[np.ndarray]:
     """Arrays of events of a group of columns."""
-    offset_us = offset_of_us(file, time_unit)
+    offset_us = offset_of_us(file, in_us)
     for t, *others in blocks(CHUNK, *columns(file, group)):
-        yield event_array(microseconds(t, time_unit), *others, offset_us=offset_us)
+        yield event_array(in_us(t), *others, offset_us=offset_us)
 
 
 def frames(
-    path: Path, group: str, images: str, times: str, time_unit: str | None = None
+    path: Path, group: str, images: str, times: str, in_us: InUs = as_stored
 ) -> Iterator[tuple[int, np.ndarray]]:
     """``(t_us, image)`` of data sets of a group, if it has them."""
     with h5py.File(path, "r") as file:
@@ -93,15 +97,13 @@ def frames(
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(block, time_unit))
+        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(in_us(block)))
         images = (image for (block,) in blocks(1, pixels) for image in block)
         for frame_us, image in zip(times, images, strict=True):
             yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
 
 
-def _times_us(t: np.ndarray, time_unit: str | None) -> list[int]:
-    """Times in microseconds: floats are seconds unless a unit is given."""
-    t_us = microseconds(t, time_unit)
+def _times_us(t_us: np.ndarray) -> list[int]:
     if not np.all(np.abs(t_us.astype(float)) <= MAX_TIME_US):  # NaN neither
         raise ValueError("a time of an image is beyond any clock's")
     return t_us.astype(np.int64).tolist()

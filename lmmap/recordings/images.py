@@ -1,4 +1,4 @@
-"""Images as recordings: one picture, a folder of them with or without times, and videos."""
+"""Images as recordings: one picture, a folder of them at a rate, and videos."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import warnings
 from collections import Counter
 from contextlib import suppress
-from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -16,13 +15,10 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from .. import files, plugins
 from ..files import regular_file
 from ..types import InputError
-from .depth import eight_bit
-from .limits import MAX_IMAGE_BYTES, MAX_LIST_BYTES, check_image
+from .limits import MAX_IMAGE_BYTES, check_image
 from .stream import Source, reader
-from .units import GuessedSteps, microseconds
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".jpe", ".bmp", ".dib", ".tif", ".tiff", ".webp", ".jp2", ".avif",
                   ".pbm", ".pgm", ".ppm", ".pnm", ".ras", ".sr")  # fmt: skip
@@ -32,51 +28,31 @@ EXIF_ORIENTATION, EXIF_DEG = 0x0112, {3: 180, 4: 180, 5: 90, 6: 90, 7: 270, 8: 2
 TIME_LISTS = ("timestamps.txt", "images.txt")
 
 
-@reader(
-    "not a folder of images",
-    "give images and a timestamps.txt with a time for each, or --fps, or name one recording",
-    (cv2.error,),
-)
-def read_folder(path: Path, time_unit: str | None = None) -> Source:
-    """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
-
-    Times are seconds if any has a decimal point, else microseconds, or of the unit that is given; an
-    ``events.txt`` beside them is read too, as in RPG's data sets.
-    """
-    names, t = _list_pictures(path)
-    source = _sequence(path, names, [int(t_us) for t_us in microseconds(t, time_unit).tolist()])
-    source = replace(source, guessed=None if time_unit else GuessedSteps.of(t))
-    events = partial(_events_beside, path / "events.txt", time_unit)
-    return replace(source, events=events) if (path / "events.txt").exists() else source
-
-
-def _events_beside(path: Path, time_unit: str | None):
-    return plugins.needed(".txt", path)(path, time_unit).events()
-
-
 picture = reader("cannot read this picture", "give PNG or JPEG files", (cv2.error,))
 
 
 @picture
 def read_picture(path: Path) -> Source:
     """One picture as a frame at time zero; raises `InputError`."""
-    return _sequence(path, [path], [0])
+    return sequence(path, [path], [0])
 
 
 @picture
-def read_numbered(path: Path, fps: float) -> Source:
+def read_numbered(path: Path, fps: float | None = None, time_unit: str | None = None) -> Source | None:
     """A folder's pictures, ``fps`` to the second, in the order of the numbers in their names; raises
-    `InputError`."""
+    `InputError`.  None without a rate: then a list has their times, which is another program's."""
+    if fps is None:
+        return None
     if not 0 < fps < 1e6:
         raise InputError(f"{path}: --fps {fps:g}: give the pictures per second, over 0 and below 1e6")
     if not (names := pictures_in(path)):
         raise ValueError(f"no {', '.join(IMAGE_SUFFIXES)} in it")
     if found := next((name for name in TIME_LISTS if (path / name).is_file()), None):
         warnings.warn(f"{path}: the times in its {found} are not used, since a rate is given", stacklevel=5)
-    return _sequence(path, names, [round(k * 1e6 / fps) for k in _places(path, names)])
+    return sequence(path, names, [round(k * 1e6 / fps) for k in _places(path, names)])
 
 
-def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
+def sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
     """Images of files, of which the first is decoded at once for its size."""
     first = read_image(names[0])
 
@@ -86,7 +62,7 @@ def _sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
 
     span_us = min(t_us), max(t_us)
     details = partial(_picture_details, names[0])
-    return Source(path, first.shape[1::-1], frames=eight_bit(path, frames), span_us=span_us, details=details)
+    return Source(path, first.shape[1::-1], frames=frames, span_us=span_us, details=details)
 
 
 def _picture_details(path: Path) -> dict:
@@ -140,25 +116,6 @@ def _numbers(path: Path) -> tuple[list, str]:
     """A name's key: its texts and numbers by turns."""
     parts = re.split(r"([0-9]+(?:\.[0-9]+)?)", path.stem)
     return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)], path.name
-
-
-def _list_pictures(path: Path) -> tuple[list[Path], np.ndarray]:
-    """The folder's images and their times (N,), as its list states them."""
-    lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
-    if not lists:
-        raise ValueError("no timestamps.txt or images.txt in it")
-    lines = [line.split() for line in files.read_text(lists[0], MAX_LIST_BYTES).splitlines()]
-    lines = [line for line in lines if line and not line[0].startswith("#")]
-    if all(len(line) == 1 for line in lines):
-        names = pictures_in(path)
-    elif any(len(line) == 1 for line in lines):
-        raise ValueError(f"{lists[0].name} has lines with and without a name")
-    else:
-        names = [path / line[1] for line in lines]
-    if len(names) != len(lines) or not names:
-        raise ValueError(f"{len(names)} images for {len(lines)} times")
-    whole = all(re.fullmatch("[-+]?[0-9]+", line[0]) for line in lines)
-    return names, np.array([line[0] for line in lines], np.int64 if whole else float)
 
 
 def read_image(path: Path) -> np.ndarray:

@@ -15,14 +15,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .. import plugins
 from ..files import atomic, read_text
 from ..types import Ellipse, Estimate, InputError, Pose, Status, Trajectory, checked
 from .columns import CERTAINTY, COLUMNS, COVARIANCE, ELLIPSE, OUTSIDE, POSE, PREFIXES, SCORES, UPPER
 from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_times
-from .units import likely_units
-
-LIKELY_STEP_S = (1e-4, 1.0)  # between the poses of a truth: outside, its unit of time is another
-MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
@@ -92,23 +89,11 @@ def read_truth(path) -> Trajectory:
     trajectory = parse_trajectory(text, path, form)
     if len(trajectory) < 2:
         raise InputError(f"{path}: has {len(trajectory)} poses, a truth needs two; name another trajectory")
-    _check_step(path, float(np.median(np.diff(trajectory.t_us))) * 1e-6, "us" if form == "csv" else "s")
+    if check_step := plugins.reader("truth_step"):  # whether another program wrote times of another unit
+        check_step(path, float(np.median(np.diff(trajectory.t_us))) * 1e-6, "us" if form == "csv" else "s")
     if form == "csv" and "status" in text.partition("\n")[0].split(","):
         warnings.warn(f"{path}: is a table of estimates; its ok poses are taken as the truth", stacklevel=2)
     return trajectory
-
-
-def _check_step(path, step_s: float, own: str) -> None:
-    """`InputError`, or a warning, where a truth's poses are so far apart that its times have another unit."""
-    least_s, most_s = LIKELY_STEP_S
-    if least_s <= step_s < most_s:
-        return
-    likely = likely_units(step_s, own, least_s, most_s)
-    found = f"its poses are {step_s:.3g} s apart, with times in {own}"
-    remedy = f"if they are in {likely or 'another unit'}, write them in {own}"
-    if not least_s <= step_s < MAX_STEP_S:
-        raise InputError(f"{path}: {found}; {remedy}")
-    warnings.warn(f"{path}: {found}, and lines between them; {remedy}", stacklevel=3)
 
 
 @checked

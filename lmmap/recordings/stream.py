@@ -12,16 +12,25 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
+from .. import plugins
 from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
 from .flips import flip_events, flip_frame
 from .limits import check_times
 from .order import in_order
-from .units import GuessedSteps
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
+
+
+class Guess(Protocol):
+    """Times whose unit a file does not state: their likeliest, and why it may be another, in words."""
+
+    unit: str
+
+    def doubt(self, size_px: tuple[int, int] | None) -> str | None: ...
 
 
 def nothing() -> Iterator:
@@ -46,7 +55,7 @@ class Source:
     details: Callable[[], dict] = dict
     cameras: Callable[[], dict[str, dict]] = dict
     topics: tuple[str, ...] = ()
-    guessed: GuessedSteps | None = None  # or what has the same face
+    guessed: Guess | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +83,9 @@ class Stream:
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
-        frames = timely_frames(self.source.frames())
+        eight_bit = plugins.reader("depth")  # of 16 bits a value, as no camera of ours writes
+        path, frames = self.source.path, self.source.frames
+        frames = timely_frames(eight_bit(path, frames) if eight_bit else frames())
         frames = checked_frames(frames, self.camera.size_px) if self.checked else frames
         if flip := self.flips.get("rgb"):
             frames = ((t_us, flip_frame(frame, flip)) for t_us, frame in frames)
@@ -214,8 +225,9 @@ def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple
     """Pass ``(t_us, frame)`` on; ValueError, with the remedy, where time runs backward or a size differs."""
     last_us, shape = None, (size_px[1], size_px[0], 3)
     for k, (t_us, frame) in enumerate(frames):
-        if frame.shape != shape:
-            raise ValueError(f"frame number {k} of shape {frame.shape}, expected {shape}; write it again")
+        if frame.shape != shape or frame.dtype != np.uint8:
+            got = f"{frame.shape} {frame.dtype}"
+            raise ValueError(f"frame number {k} of shape {got}, expected {shape} uint8; write it again")
         if last_us is not None and t_us < last_us:
             raise ValueError(
                 f"time of the frames runs backward by {last_us - t_us} us after number {k - 1}; "

@@ -21,9 +21,9 @@ from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.images import TIME_LISTS, pictures_in
-from lmmap.recordings.rig import RIG_FILE
 from lmmap.recordings.stream import Stream
 from lmmap.types import Camera, InputError, Port
+from lmmap_readers.rig import RIG_FILE
 
 from ..pages import beside_paper
 from ..provenance import DERIVED_DATA

@@ -11,9 +11,9 @@ from dataclasses import replace
 from lmmap.cli.inputs import check_rate, leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
-from lmmap.recordings.webcam import assumed
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
+from lmmap_readers.webcam import assumed
 
 from ..rig.lens import Lens, measure_lens
 

@@ -6,8 +6,8 @@ from argparse import Namespace
 
 from lmmap.cli.inputs import leave_out
 from lmmap.files import atomic, check_output
-from lmmap.recordings.rig import scale_port
 from lmmap.types import InputError, Port
+from lmmap_readers.rig import scale_port
 
 from ..paper_port.sheets import RULER_MM, check, write_sheets
 

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from lmmap.recordings.rig import scale_port
 from lmmap.types import InputError, Port
+from lmmap_readers.rig import scale_port
 
 from . import net
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmmap.geometry.rotations import rotation_angle_rad
-from lmmap.recordings.rig import Rig
 from lmmap.types import Estimate, InputError, Port, Pose
+from lmmap_readers.rig import Rig
 
 from . import hand_eye
 from .ur5e import ArmMotion, ArmSamples

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from lmmap.camera_files import MAX_BYTES
 from lmmap.files import read_text
 from lmmap.recordings.limits import MAX_POSITION_M
-from lmmap.recordings.rig import frame_name, rigid_transform
 from lmmap.types import InputError, Pose
 from lmmap_readers.documents import read_yaml
+from lmmap_readers.rig import frame_name, rigid_transform
 
 from . import ur5e
 

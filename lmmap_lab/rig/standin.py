@@ -18,8 +18,8 @@ from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
 from lmmap.marks import remove_folder
-from lmmap.recordings.rig import Rig
 from lmmap.types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
+from lmmap_readers.rig import Rig
 
 from ..bench import rosbag_writer, sequences
 from ..bench.laboratory import sequence, sequence_motion

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lmmap.recordings.rig import Rig
 from lmmap.types import Trajectory
+from lmmap_readers.rig import Rig
 
 from .tf import arm_motion
 

@@ -16,9 +16,9 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.recordings.stream import Stream
 from lmmap.types import Estimate, InputError, Port
+from lmmap_readers.rig import RIG_FILE, Rig
 
 from ..adaptation.adapt import adapt
 from ..provenance import PINS, fingerprint

@@ -18,10 +18,10 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
 from lmmap.recordings.pose_files import stack_poses
-from lmmap.recordings.rig import Rig
 from lmmap.recordings.stream import Stream
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import Estimate, InputError, Port
+from lmmap_readers.rig import Rig
 
 from ..provenance import DERIVED_DATA, save_json, save_table
 from ..rig import authors_bags

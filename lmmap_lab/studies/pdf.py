@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from lmmap.files import regular_file
-from lmmap.recordings.depth import scaled
 from lmmap.recordings.images import decode, pictures_in, read_image
 from lmmap.recordings.stream import input_errors
 from lmmap.types import InputError
+from lmmap_readers.depth import scaled
 
 MAX_PDF_BYTES = 2**28
 MAX_PICTURES = 1000

@@ -14,9 +14,9 @@ from lmmap.files import atomic, check_output, lock, temporary, write_text
 from lmmap.marks import MARK, begin_folder, check_own, check_same, remove_folder
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import write_estimates, write_trajectory
-from lmmap.recordings.rig import Rig
 from lmmap.types import Camera, Estimate, InputError, Pose, Status
 from lmmap_readers.pose_bags import PoseBag
+from lmmap_readers.rig import Rig
 
 E = Estimate(5, Status.OK, facing_pose(0.1, 0.2, 0.3, (0.0, 0.0, 0.5)))
 

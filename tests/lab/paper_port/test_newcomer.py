@@ -8,9 +8,9 @@ import time
 import cv2
 import pytest
 
-from lmmap.recordings import webcam
 from lmmap.types import Camera
 from lmmap_lab.provenance import DATA, ROOT
+from lmmap_readers import webcam
 
 CLIP = DATA / "mini" / "paper-port.mp4"
 COMMANDS = ["lmmap print -o port.pdf", "lmmap live 0 --view", "lmmap calibrate clip.mp4 --focal"]

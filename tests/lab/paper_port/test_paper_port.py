@@ -11,10 +11,10 @@ import pytest
 from pypdf import PdfReader
 from pypdf.generic import ContentStream
 
-from lmmap.recordings.rig import scale_port
 from lmmap.types import InputError, Port
 from lmmap_lab.cli.arguments import PAPERS
 from lmmap_lab.paper_port import net, sheets
+from lmmap_readers.rig import scale_port
 
 LM_MAP = Port.lm_map()
 HALF = scale_port(LM_MAP, LM_MAP.ring_radius_m / 2)

@@ -15,13 +15,13 @@ from lmmap.cli import main
 from lmmap.files import CAMERA
 from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_stream
-from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.types import Camera, InputError, Trajectory
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA
 from lmmap_lab.rig import authors_bags, calibration, checkerboard, standin
 from lmmap_lab.rig.truth import true_trajectory
+from lmmap_readers.rig import RIG_FILE, Rig
 
 MINI = DATA / "mini" / "test-low.aedat4"
 

@@ -12,13 +12,13 @@ from test_authors_bags import brief, run
 from lmmap.files import CAMERA
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.weights import weight_path
-from lmmap.recordings.rig import RIG_FILE
 from lmmap.recordings.stream import Source, Stream
 from lmmap.types import Camera, Port
 from lmmap_lab import provenance
 from lmmap_lab.rig import authors_bags, standin
 from lmmap_lab.studies import on_authors_bags
 from lmmap_lab.training import dataset
+from lmmap_readers.rig import RIG_FILE
 
 
 @pytest.fixture

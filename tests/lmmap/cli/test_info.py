@@ -11,8 +11,8 @@ from library_files import write_recording
 from test_bad_input import write_camera
 
 from lmmap.cli import main
-from lmmap.recordings.rig import Rig
 from lmmap.types import Pose
+from lmmap_readers.rig import Rig
 
 
 @pytest.fixture

@@ -29,10 +29,9 @@ from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import DOMAIN_GAPS
 from lmmap.recordings import devices
-from lmmap.recordings.formats import open_recording
+from lmmap.recordings.formats import UNITS, open_recording
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.recordings.units import UNITS
 from lmmap.settings import OURS
 from lmmap.shipped import ROOT
 from lmmap.types import Camera, Estimate, Status

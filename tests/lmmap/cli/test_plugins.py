@@ -11,9 +11,9 @@ from library_files import write_recording
 
 from lmmap import plugins
 from lmmap.cli import main
-from lmmap.recordings.rig import RIG_FILE, Rig
 from lmmap.shipped import ROOT
 from lmmap.types import Pose
+from lmmap_readers.rig import RIG_FILE, Rig
 
 WORDS = """
 def greet(commands):

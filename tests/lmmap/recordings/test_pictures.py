@@ -12,11 +12,11 @@ import pytest
 from PIL import Image
 
 from lmmap.cli import main
-from lmmap.recordings.depth import LOOKED_AT
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.images import IMAGE_SUFFIXES, decode
 from lmmap.types import Camera, InputError
 from lmmap_readers import sensors
+from lmmap_readers.depth import LOOKED_AT
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 

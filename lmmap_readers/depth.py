@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -15,28 +14,12 @@ BITS = (10, 12, 14, 16)
 LOOKED_AT = 16  # images of a recording, for the bits that its values use
 
 
-def eight_bit(path: Path, frames: Callable[[], Iterator]) -> Callable[[], Iterator]:
+def eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
     """The same ``(t_us, image)`` with 8 bits a value.
 
     All values of 16 bits are scaled alike, by the least of `BITS` that hold those of the first images and of
     the images so far.  A warning says which, unless they are all 16.
     """
-    return partial(_eight_bit, path, frames)
-
-
-def bits_of(image: np.ndarray) -> int:
-    """The least of `BITS` that hold an image's values; ValueError for other values than of 8 or 16 bits."""
-    if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"an image of {image.dtype}, expected 8 or 16 bits")
-    return next(bits for bits in BITS if image.max(initial=0) < 1 << bits)
-
-
-def scaled(image: np.ndarray, bits: int | None = None) -> np.ndarray:
-    """An image of 8 or 16 bits with 8 bits a value, of which ``bits`` are used (default: `bits_of` it)."""
-    return image if image.dtype == np.uint8 else (image >> (bits or bits_of(image)) - 8).astype(np.uint8)
-
-
-def _eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
     bits = 0
     for t_us, image in frames():
         if image.dtype != np.uint8 and bits_of(image) > bits:
@@ -45,6 +28,18 @@ def _eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
                 text = f"images of 16 bits, whose values take {bits} of them; scaled by these"
                 warnings.warn(f"{path}: {text}", stacklevel=2)
         yield t_us, scaled(image, bits)
+
+
+def bits_of(image: np.ndarray) -> int:
+    """The least of `BITS` that hold an image's values; ValueError for other values than of 8 or 16 bits."""
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"an image of {image.dtype}, expected 8 or 16 bits; convert it")
+    return next(bits for bits in BITS if image.max(initial=0) < 1 << bits)
+
+
+def scaled(image: np.ndarray, bits: int | None = None) -> np.ndarray:
+    """An image of 8 or 16 bits with 8 bits a value, of which ``bits`` are used (default: `bits_of` it)."""
+    return image if image.dtype == np.uint8 else (image >> (bits or bits_of(image)) - 8).astype(np.uint8)
 
 
 def _first_bits(frames: Callable[[], Iterator]) -> int:

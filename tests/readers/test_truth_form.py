@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from strategies import facing_pose
 
-from lmmap.evaluation import truth_form
 from lmmap.recordings.pose_files import read_truth, write_trajectory
 from lmmap.types import Estimate, Pose, Status, Trajectory
+from lmmap_readers import truth_form
 
 THIRD = 2 * np.pi / 3
 

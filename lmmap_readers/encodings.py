@@ -7,7 +7,8 @@ import re
 import cv2
 import numpy as np
 
-from .limits import check_image
+from lmmap.recordings.bags import Unread
+from lmmap.recordings.limits import check_image
 
 COLOURS = {  # channels, and what makes them RGB
     "mono": (1, cv2.COLOR_GRAY2RGB), "rgb": (3, None), "bgr": (3, cv2.COLOR_BGR2RGB),
@@ -20,10 +21,6 @@ YUV = {
     "yuv422": cv2.COLOR_YUV2RGB_UYVY, "uyvy": cv2.COLOR_YUV2RGB_UYVY,
     "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2, "yuyv": cv2.COLOR_YUV2RGB_YUY2,
 }  # fmt: skip
-
-
-class Unread(ValueError):
-    """An encoding that is not read; the message names it."""
 
 
 def layout(encoding: str) -> tuple[int, int, int | None]:

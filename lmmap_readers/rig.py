@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera_files import LENGTH_M, MAX_BYTES
-from ..documents import check_fields, read_json
-from ..files import beside, read_text, write_text
-from ..types import InputError, Port, Pose
-from .limits import MAX_POSITION_M
+from lmmap.camera_files import LENGTH_M, MAX_BYTES
+from lmmap.documents import check_fields, read_json
+from lmmap.files import beside, read_text, write_text
+from lmmap.recordings.limits import MAX_POSITION_M
+from lmmap.types import InputError, Port, Pose
 
 RIG_FILE = "rig.json"  # in a folder of bags
 NUMBERS = {"ring_radius_m": LENGTH_M, "delay_s": (float, -3600.0, 3600.0)}  # clocks that are set by hand

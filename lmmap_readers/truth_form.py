@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..recordings.pose_files import stack_poses
-from ..settings import OURS
-from ..types import Estimate, Pose, Trajectory
-from .pose_errors import position_error_m, rotation_error_rad
+from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
+from lmmap.recordings.pose_files import stack_poses
+from lmmap.settings import OURS
+from lmmap.types import Estimate, InputError, Pose, Trajectory
+
+from .time_units import likely_units
 
 FEWEST = 5  # poses to judge by
+LIKELY_STEP_S = (1e-4, 1.0)  # between the poses of a truth: outside, its unit of time is another
+MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
 
 
 def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -> str | None:
@@ -65,3 +70,16 @@ def _w_first(T: Pose) -> Pose:
 
 def _millimetres(T: Pose) -> Pose:
     return Pose(T.rotation, 1e-3 * T.position_m)
+
+
+def check_step(path, step_s: float, own: str) -> None:
+    """`InputError`, or a warning, where a truth's poses are so far apart that its times have another unit."""
+    least_s, most_s = LIKELY_STEP_S
+    if least_s <= step_s < most_s:
+        return
+    likely = likely_units(step_s, own, least_s, most_s)
+    found = f"its poses are {step_s:.3g} s apart, with times in {own}"
+    remedy = f"if they are in {likely or 'another unit'}, write them in {own}"
+    if not least_s <= step_s < MAX_STEP_S:
+        raise InputError(f"{path}: {found}; {remedy}")
+    warnings.warn(f"{path}: {found}, and lines between them; {remedy}", stacklevel=3)

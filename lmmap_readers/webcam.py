@@ -1,4 +1,4 @@
-"""Any camera that OpenCV opens, by its number, its device or its address, as `devices` describes them."""
+"""Any camera that OpenCV opens, by its number, its device or its address (`lmmap.recordings.devices`)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pathlib import Path
 
 import cv2
 
-from ..types import Camera, InputError
-from .flips import flip_frame
+from lmmap.recordings.flips import flip_frame
+from lmmap.types import Camera, InputError
 
 ASSUMED_VIEW_DEG = 60.0  # across the longer side of the image, as many webcams have
 FIRST_IMAGE_S, SILENCE_S = 10.0, 60.0  # patience with a camera that sends nothing

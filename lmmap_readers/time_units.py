@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lmmap.recordings.formats import UNITS
+
 NANOSECONDS = {"s": 10**9, "sec": 10**9, "seconds": 10**9, "ms": 10**6, "us": 1000, "ns": 1,
                "µs": 1000, "μs": 1000}  # fmt: skip
-UNITS = ("s", "ms", "us", "ns")
 IMAGE_STEP_S = 1e-4, 10.0  # between the images of a camera
 
 

@@ -9,9 +9,9 @@ import drawn
 import numpy as np
 import pytest
 
-from lmmap.recordings import webcam
-from lmmap.recordings.webcam import Webcam, assumed
 from lmmap.types import InputError, Status
+from lmmap_readers import attached, webcam
+from lmmap_readers.webcam import Webcam, assumed
 
 BLACK = np.zeros((48, 64, 3), np.uint8)
 
@@ -139,3 +139,9 @@ def test_live_ends_with_its_summary_however_it_ends(device, monkeypatch, lmmap, 
     ended, out, err = lmmap("live", "0")
     assert ended == code and out.count("\n") == 1 and "1 images; 1 " in err
     assert ("no more" in err.splitlines()[-1]) == (code == 1)
+
+
+@pytest.mark.skipif(bool(attached.dv.io.camera.discover()), reason="a camera is attached here")
+def test_no_event_camera_is_said():
+    with pytest.raises(InputError, match="no camera found; attach one"):
+        attached.Attached()

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from strategies import line
 
-from lmmap.recordings.rig import RIG_FILE, Rig, find_rig, scale_port
 from lmmap.types import Port, Pose
+from lmmap_readers.rig import RIG_FILE, Rig, find_rig, scale_port
 
 CAM_ROOT = Pose(Rotation.from_euler("xyz", [80, 3, -7], degrees=True).as_matrix(), [0.3, 0.4, 0.7])
 TIP_PORT = Pose(Rotation.from_euler("z", 17, degrees=True).as_matrix(), [0.004, -0.006, 0.11])

@@ -1,0 +1,60 @@
+"""Folders of images with a list of their times, as in RPG's data sets."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from lmmap.files import read_text
+from lmmap.recordings.images import TIME_LISTS, pictures_in, sequence
+from lmmap.recordings.limits import MAX_LIST_BYTES
+from lmmap.recordings.stream import Source, reader
+
+from .tables import read_text as read_events
+from .time_units import GuessedSteps, microseconds
+
+
+@reader(
+    "not a folder of images",
+    "give images and a timestamps.txt with a time for each, or --fps, or name one recording",
+    (cv2.error,),
+)
+def read(path: Path, time_unit: str | None = None) -> Source:
+    """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
+
+    Times are seconds if any has a decimal point, else microseconds, or of the unit that is given; an
+    ``events.txt`` beside them is read too.
+    """
+    names, t = _list_pictures(path)
+    source = sequence(path, names, [int(t_us) for t_us in microseconds(t, time_unit).tolist()])
+    source = replace(source, guessed=None if time_unit else GuessedSteps.of(t))
+    events = partial(_events_beside, path / "events.txt", time_unit)
+    return replace(source, events=events) if (path / "events.txt").exists() else source
+
+
+def _events_beside(path: Path, time_unit: str | None):
+    return read_events(path, time_unit).events()
+
+
+def _list_pictures(path: Path) -> tuple[list[Path], np.ndarray]:
+    """The folder's images and their times (N,), as its list states them."""
+    lists = [path / name for name in TIME_LISTS if (path / name).is_file()]
+    if not lists:
+        raise ValueError("no timestamps.txt or images.txt in it")
+    lines = [line.split() for line in read_text(lists[0], MAX_LIST_BYTES).splitlines()]
+    lines = [line for line in lines if line and not line[0].startswith("#")]
+    if all(len(line) == 1 for line in lines):
+        names = pictures_in(path)
+    elif any(len(line) == 1 for line in lines):
+        raise ValueError(f"{lists[0].name} has lines with and without a name")
+    else:
+        names = [path / line[1] for line in lines]
+    if len(names) != len(lines) or not names:
+        raise ValueError(f"{len(names)} images for {len(lines)} times")
+    whole = all(re.fullmatch("[-+]?[0-9]+", line[0]) for line in lines)
+    return names, np.array([line[0] for line in lines], np.int64 if whole else float)
