@@ -96,7 +96,6 @@ def _draw(commands: Commands) -> None:
     _add_flip(command)
     text = "video to write: .mp4, which browsers play, or .avi; or .rrd for Rerun"
     commands.add_output(command, text, required=True)
-    command.add_argument("--resume", action="store_true", help="go on with an interrupted video")
 
 
 def _evaluate(commands: Commands) -> None:

@@ -118,42 +118,32 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
 
 
 class Overlay:
-    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``.
+    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``."""
 
-    ``made_of`` and ``resume`` are those of `Video`: pictures that are there already are not drawn again.
-    """
-
-    def __init__(self, path: Path, port: Port, camera: Camera, made_of: dict | None = None, resume=False):
-        self.port, self.camera = port, camera
-        self.video = Video(path, made_of, resume)
-        self._first, self._rate_hz, self._images = None, None, 0
+    def __init__(self, path: Path, port: Port, camera: Camera):
+        self.port, self.camera, self.video = port, camera, Video(path)
+        self._first: tuple[int, np.ndarray] | None = None
+        self._rate_hz: float | None = None
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
         """Draw the next image of the video; an estimate between images has none and is passed over."""
         if image is None:
             return
-        self._images += 1
-        is_new = self._images > self.video.kept
-        picture = draw(image, estimate, self.camera, self.port, ring_mask) if is_new else None
+        picture = draw(image, estimate, self.camera, self.port, ring_mask)
         if self._first is None:
             self._first = estimate.t_us, picture
             return
         if self._rate_hz is None:
             rate_hz = 1e6 / max(estimate.t_us - self._first[0], 1)
             self._rate_hz = float(np.clip(round(rate_hz, 2), 1, 120))
-            self._write(self._first[1])
-        self._write(picture)
-
-    def _write(self, picture: np.ndarray | None) -> None:
-        if picture is not None:
-            self.video.add(picture, self._rate_hz or 1.0)
+            self.video.add(self._first[1], self._rate_hz)
+        self.video.add(picture, self._rate_hz)
 
     def __enter__(self):
         self.video.__enter__()
         return self
 
     def __exit__(self, *error):
-        only = self._first is not None and self._rate_hz is None
-        if only and not (error[0] and self.video.goes_on):  # a second picture may yet tell the rate
-            self._write(self._first[1])
+        if self._first is not None and self._rate_hz is None:  # no second picture told the rate
+            self.video.add(self._first[1], 1.0)
         self.video.__exit__(*error)

@@ -35,18 +35,13 @@ def video(path):
             film.add(np.full((48, 64, 3), 40 * k, np.uint8), 10.0)
 
 
-def resumable_video(path):
-    with Video(path, {"recording": "r"}) as film:
-        film.add(np.zeros((48, 64, 3), np.uint8), 10.0)
-
-
 WRITERS = {
     "p.csv": poses(Journal),
     "p.tum": poses(Journal, "tum"),
     "p.bag": poses(PoseBag),
     "p.mcap": poses(PoseBag),
     "o.mp4": video,
-    "o.avi": resumable_video,
+    "o.avi": video,
     "camera.json": lambda path: write_fields(path, Camera.davis346()),
     "rig.json": lambda path: Rig("base", "tool", Pose.identity(), Pose.identity(), 0.08).save(path),
     "truth.csv": lambda path: write_trajectory(drawn.recording(3).truth, path),

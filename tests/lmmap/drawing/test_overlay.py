@@ -73,17 +73,6 @@ def test_a_video_has_every_picture_at_the_images_rate(tmp_path, count):
     assert pictures == count
 
 
-def test_interrupted_after_one_picture_it_still_has_the_images_rate(tmp_path):
-    with pytest.raises(KeyboardInterrupt), Overlay(tmp_path / "o.mp4", PORT, CAMERA, {}) as overlay:
-        overlay.add(DARK, FOUND)
-        raise KeyboardInterrupt
-    with Overlay(tmp_path / "o.mp4", PORT, CAMERA, {}, resume=True) as overlay:
-        for k in range(3):
-            overlay.add(DARK, replace(FOUND, t_us=50_000 * k))
-    film = cv2.VideoCapture(str(tmp_path / "o.mp4"))
-    assert film.get(cv2.CAP_PROP_FPS) == 20 and film.get(cv2.CAP_PROP_FRAME_COUNT) == 3
-
-
 def test_an_mp4_is_one_that_browsers_play(tmp_path):
     """VP9 in MP4: the box that describes the track is named vp09, not mp4v, which no browser plays."""
     with Overlay(tmp_path / "o.mp4", PORT, CAMERA) as overlay:
