@@ -4,7 +4,7 @@
 
 Each attack is a command in a folder of its own with sound files of every format.  It runs in a process that
 is forked from one that has imported everything, under limits of memory and time.  What has to be true is in
-`attack_kinds`: one line on stderr and exit 0, 1 or 2; nothing of the user's is changed; a refusal names what
+`attack_checks`: one line on stderr and exit 0, 1 or 2; nothing of the user's is changed; a refusal names what
 it refuses; what is asked for is looked at; a command that was killed ends as one that was not.  Prints each
 fault, and ends with 1 if there is one.
 """
@@ -37,6 +37,7 @@ import attack_kinds
 import attack_rig
 import numpy as np
 import pandas as pd
+from attack_checks import snapshot
 from attack_directed import directed_files
 
 from lmmap.cli.choices import DOMAIN_GAPS, MODALITIES
@@ -74,14 +75,14 @@ def attacked(count: int, seed: int, kinds=(), commands=()) -> Iterator[tuple]:
         attack_kinds.DIRECTED |= directed_files(directed)
         attack_rig.write(sound, rng)
         gc.freeze()
-        spare, as_made = shutil.copytree(sound, Path(scratch, "spare")), attack_kinds.snapshot(sound)
+        spare, as_made = shutil.copytree(sound, Path(scratch, "spare")), snapshot(sound)
         for attack in islice(attacks, count):
             shutil.copytree(sound, folder, copy_function=os.link)
-            yield attack, *attack.run(folder, rng)
+            yield attack, *attack_kinds.run(attack, folder, rng)
             shutil.rmtree(folder)
-            if attack_kinds.snapshot(sound) != as_made:  # a command was told to write into one of its files
+            if snapshot(sound) != as_made:  # a command was told to write into one of its files
                 shutil.rmtree(sound)
-                as_made = attack_kinds.snapshot(shutil.copytree(spare, sound))
+                as_made = snapshot(shutil.copytree(spare, sound))
 
 
 def table(answered: list[tuple]) -> pd.DataFrame:

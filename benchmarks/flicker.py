@@ -17,10 +17,12 @@ import living_room
 import numpy as np
 import pandas as pd
 import torch
+from paper_scene import PORT, SUPER, paper_port
 from scipy.spatial.transform import Rotation
 
 from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import TimedImage
+from lmmap.pipeline.agreement import alike
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import window_histograms
 from lmmap.pipeline.network import faster_precision
@@ -47,7 +49,7 @@ def pose(t_s: float, scene: int) -> Pose:
 def light(scene: living_room.Scene, background, T: Pose) -> np.ndarray:
     """Grey image (H, W) in 8-bit units, of steady light."""
     image = background.copy()
-    living_room.paper_port(image, T, CAMERA, scene.light, scene.ink)
+    paper_port(image, T, CAMERA, scene.light, scene.ink)
     small = cv2.resize(image, CAMERA.size_px, interpolation=cv2.INTER_AREA)
     return cv2.GaussianBlur(small @ np.array([0.2126, 0.7152, 0.0722], np.float32), (0, 0), 0.6)
 
@@ -55,7 +57,7 @@ def light(scene: living_room.Scene, background, T: Pose) -> np.ndarray:
 def looks(number: int) -> dict[float, list[TimedImage]]:
     """Histograms at `LOOK_S`, for each of `DEPTHS`."""
     scene, rng = living_room.Scene(number), np.random.default_rng(number)
-    size = tuple(living_room.SUPER * side for side in CAMERA.size_px)
+    size = tuple(SUPER * side for side in CAMERA.size_px)
     background = cv2.resize(scene.background(), size, interpolation=cv2.INTER_AREA)
     sensors = {m: EventSensor(CAMERA, SensorSettings(), np.random.default_rng(number)) for m in DEPTHS}
     recent = {m: np.zeros(0, EVENT) for m in DEPTHS}
@@ -76,12 +78,12 @@ def looks(number: int) -> dict[float, list[TimedImage]]:
 def judge(number: int) -> list[dict]:
     """A row for each depth: what came of a scene's histograms."""
     torch.set_num_threads(1)
-    estimator, rows = Estimator(CAMERA, living_room.PORT, "event", precision=faster_precision()), []
+    estimator, rows = Estimator(CAMERA, PORT, "event", precision=faster_precision()), []
     for m, timed in looks(number).items():
         said = Counter()
         for _, e in estimate_images(timed, estimator):
             truth = pose(1e-6 * e.t_us, number)
-            right = e.T_cam_port is not None and living_room.is_right(e.T_cam_port, truth)
+            right = e.T_cam_port is not None and alike(e.T_cam_port, truth, PORT, OURS)
             said["none" if e.T_cam_port is None else "right" if right else "wrong"] += 1
         rows.append({"scene": living_room.SCENES[number], "depth": m, "images": len(timed),
                      **{what: said[what] for what in ("right", "wrong", "none")}})  # fmt: skip

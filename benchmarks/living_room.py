@@ -20,143 +20,35 @@ import numpy as np
 import pandas as pd
 import torch
 from joblib import Parallel, delayed
+from paper_scene import PORT, SUPER, decoy, fingers, paper_port
 from scipy.spatial.transform import Rotation
 
-from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rotation_error_rad
-from lmmap.geometry.port import circle_points_m, in_view
+from lmmap.evaluation.pose_errors import position_error_m
+from lmmap.geometry.port import in_view
 from lmmap.geometry.projection import project
+from lmmap.pipeline.agreement import alike
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import faster_precision
 from lmmap.settings import OURS
-from lmmap.types import Camera, Port, Pose
-from lmmap_lab.paper_port import net
+from lmmap.types import Camera, Pose
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.studies.networks import set_hashes
 
-PORT = Port.lm_map()
 SKIMAGE = ("astronaut.png", "brick.png", "cell.png", "chelsea.png", "clock_motion.png", "coffee.png",
            "coins.png", "color.png", "grass.png", "gravel.png", "horse.png", "hubble_deep_field.jpg",
            "ihc.png", "moon.png", "motorcycle_left.png", "page.png", "retina.jpg", "rocket.jpg",
            "text.png")  # fmt: skip
 SCENES = (*SKIMAGE, "grace_hopper.jpg")
 POSES, CIRCLES = 15, 50  # of a scene: images with a port, and with circles alone
-LARGEST, SUPER = 6, 2  # decoys in an image, at most; samples a pixel along each axis
+LARGEST = 6  # decoys in an image, at most
 FACING = Rotation.from_euler("x", 180, degrees=True)
 
 
 def photograph(name: str) -> np.ndarray:
     """A picture (H, W, 3) u8 RGB of one of the wheels."""
-    folder = (
-        files("skimage") / "data" if name in SKIMAGE else files("matplotlib") / "mpl-data" / "sample_data"
-    )
+    wheel, place = ("skimage", "data") if name in SKIMAGE else ("matplotlib", "mpl-data/sample_data")
+    folder = files(wheel).joinpath(*place.split("/"))
     return cv2.imdecode(np.frombuffer((folder / name).read_bytes(), np.uint8), cv2.IMREAD_COLOR_RGB)
-
-
-def fill(image, points_px, colour) -> None:
-    if np.all(np.isfinite(points_px)) and np.abs(points_px).max() < 1e4:
-        fixed = np.round((SUPER * (np.asarray(points_px) + 0.5) - 0.5) * 16).astype(np.int32)
-        cv2.fillPoly(image, [fixed], [float(c) for c in colour], cv2.LINE_8, 4)
-
-
-def paper_port(image, T: Pose, camera: Camera, light, ink: float) -> None:
-    """Board, black square, ring and folded plate (reflectances times light), from the back to the front."""
-    normal = T.normal
-
-    def shade(n, reflectance):
-        return reflectance * light["colour"] * (0.45 + 0.55 * max(float(n @ light["from"]), 0.0))
-
-    def draw(corners_m, reflectance, n=normal):
-        steps = np.linspace(0, 1, 12, endpoint=False)[:, None]
-        sides = zip(corners_m, np.roll(corners_m, -1, 0), strict=True)
-        many = np.concatenate([a + steps * (b - a) for a, b in sides])
-        fill(image, project(T @ many, camera), shade(n, reflectance))
-
-    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-    draw(0.106 * square, np.array(light["card"]))
-    draw(0.100 * square, ink)
-    for radius_m, reflectance in ((PORT.ring_outer_radius_m, 0.85), (PORT.ring_inner_radius_m, ink)):
-        fill(image, project(T @ circle_points_m(radius_m, 240), camera), shade(normal, reflectance))
-    faces = net.plate_net(PORT)
-    for face, move in list(zip(faces, net.fold(faces), strict=True))[::-1]:
-        corners = net.moved(face.corners_m, move) + np.array([0, 0, PORT.plate_height_m])
-        outward = T.rotation @ move[0][:, 2]
-        if face.kind != net.TAB and outward @ (T @ corners.mean(0)) < 0:
-            draw(corners, ink, outward)
-    for corners in PORT.marker_corners_m():
-        draw(corners, 0.85)
-
-
-def fingers(image, T: Pose, camera: Camera, rng) -> None:
-    """Up to four fingers from outside over a place at the board's rim."""
-    around = rng.uniform(0, 2 * np.pi)
-    inward = np.array([-np.cos(around), -np.sin(around), 0.0])
-    across = np.array([-inward[1], inward[0], 0.0])
-    colour = rng.uniform(0.25, 1.0) * np.array([235, 190, 165.0])
-    rim_m = rng.uniform(0.080, 0.105)
-    for k in range(rng.integers(1, 5)):
-        tip = -rim_m * inward + 0.019 * (k - 1.5) * across + [0, 0, 0.006]
-        ends = project(T @ np.array([tip, tip - 0.25 * inward]), camera)
-        if not np.isfinite(ends).all():
-            continue
-        width = SUPER * 0.017 * camera.fx_px / T.position_m[2]
-        a, b = (tuple(int(v) for v in np.clip(SUPER * p, -9999, 9999)) for p in ends)
-        for share, tone in ((1.0, 0.75), (0.75, 1.0)):
-            cv2.line(image, a, b, (tone * colour).tolist(), max(int(share * width), 1), cv2.LINE_8)
-
-
-def decoy(image, centre, radius, rng) -> str:
-    """A round thing that is no port, seen at a slant: its kind."""
-    kind = ("cup", "clock", "plate", "tape", "dial", "target")[rng.integers(6)]
-    slant, turn = rng.uniform(0.5, 1.0), rng.uniform(0, np.pi)
-    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-
-    def at(radii, angles):
-        return centre + radius * (
-            np.stack([radii * np.cos(angles), slant * radii * np.sin(angles)], -1) @ spin.T
-        )
-
-    def disc(share, colour, shift=0.0):
-        circle = at(share, np.linspace(0, 2 * np.pi, 180))
-        fill(image, circle + np.array([0, shift * radius]), colour)
-
-    def bar(inner, outer, angle, half, colour):
-        corners = np.array([[inner, -half], [outer, -half], [outer, half], [inner, half]])
-        turned = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        fill(image, centre + radius * (turned * [1, slant]) @ spin.T, colour)
-
-    dark, white = rng.uniform(0, 60, 3), rng.uniform(190, 255) * rng.uniform(0.9, 1, 3)
-    if kind == "cup":
-        disc(1.0, rng.uniform(60, 255, 3), 0.25), disc(1.0, white), disc(0.88, dark + np.array([40, 25, 10]))
-    elif kind == "clock":
-        disc(1.0, dark), disc(0.9, white)
-        for k in range(12):
-            bar(0.72, 0.84, k * np.pi / 6, 0.02 + 0.02 * (k % 3 == 0), dark)
-        for length, half in ((0.5, 0.035), (0.75, 0.025)):
-            bar(-0.1, length, rng.uniform(0, 2 * np.pi), half, dark)
-    elif kind == "plate":
-        disc(1.0, white), disc(0.97, 0.9 * white), disc(0.66, white), disc(0.62, 0.93 * white)
-    elif kind == "tape":
-        behind = dark + rng.uniform(0, 120, 3)
-        (
-            disc(1.0, rng.uniform(120, 255, 3)),
-            disc(0.97, rng.uniform(150, 255) * np.ones(3)),
-            disc(0.75, behind),
-        )
-    elif kind == "dial":  # a white ring on black with bars inside, but not the port's
-        disc(1.2, dark), disc(1.0, white), disc(rng.uniform(0.7, 0.9), dark)
-        for _ in range(rng.integers(0, 6)):
-            inner = rng.uniform(0, 0.5)
-            bar(
-                inner,
-                inner + rng.uniform(0.05, 0.3),
-                rng.uniform(0, 2 * np.pi),
-                rng.uniform(0.03, 0.3),
-                white,
-            )
-    else:
-        for k, share in enumerate(np.linspace(1, 0.15, rng.integers(3, 8))):
-            disc(share, white if k % 2 else dark)
-    return kind
 
 
 class Scene:
@@ -171,11 +63,8 @@ class Scene:
         side = Rotation.from_euler("yx", [rng.uniform(-70, 70), rng.uniform(-30, 60)], degrees=True)
         self.light = {"from": -side.apply([0, 0, 1.0]), "card": rng.uniform(0.2, 0.8, 3),
                       "colour": rng.uniform(140, 330) * rng.uniform(0.85, 1, 3)}  # fmt: skip
-        self.blur, self.noise, self.quality = (
-            rng.uniform(0.4, 1.4),
-            rng.uniform(1, 5),
-            int(rng.integers(60, 95)),
-        )
+        self.blur, self.noise = rng.uniform(0.4, 1.4), rng.uniform(1, 5)
+        self.quality = int(rng.integers(60, 95))
         self.ink = rng.uniform(0.03, 0.10)
 
     def background(self) -> np.ndarray:
@@ -185,10 +74,8 @@ class Scene:
         width = rng.uniform(0.6, 1) * min(w, h * 4 / 3)
         u, v = rng.uniform(0, w - width), rng.uniform(0, h - 0.75 * width)
         part = picture[int(v) : int(v + 0.75 * width), int(u) : int(u + width)]
-        size = (SUPER * 640, SUPER * 480)
-        return np.ascontiguousarray(
-            cv2.resize(part, size, interpolation=cv2.INTER_AREA) * rng.uniform(0.5, 1.1), np.float32
-        )
+        shown = cv2.resize(part, (SUPER * 640, SUPER * 480), interpolation=cv2.INTER_AREA)
+        return np.ascontiguousarray(shown * rng.uniform(0.5, 1.1), np.float32)
 
     def pose(self) -> Pose:
         """The whole ring is in view; 0.3 to 1 m away, tilted up to 55 degrees."""
@@ -196,15 +83,10 @@ class Scene:
         while True:
             around = rng.uniform(0, 2 * np.pi)
             tilt = np.radians(rng.uniform(0, 55)) * np.array([np.cos(around), np.sin(around), 0])
-            turn = (
-                Rotation.from_rotvec(tilt)
-                * FACING
-                * Rotation.from_euler("z", rng.uniform(-180, 180), degrees=True)
-            )
-            z = rng.uniform(0.3, 1.0)
-            T = Pose(
-                turn.as_matrix(), z * np.append(rng.uniform(-0.5, 0.5, 2) * [640, 480] / self.camera.fx_px, 1)
-            )
+            roll = Rotation.from_euler("z", rng.uniform(-180, 180), degrees=True)
+            turn, z = Rotation.from_rotvec(tilt) * FACING * roll, rng.uniform(0.3, 1.0)
+            beside = rng.uniform(-0.5, 0.5, 2) * [640, 480] / self.camera.fx_px
+            T = Pose(turn.as_matrix(), z * np.append(beside, 1))
             if in_view(T, PORT, self.camera):
                 return T
 
@@ -243,15 +125,6 @@ class Scene:
         return self.frame(image)
 
 
-def is_right(T: Pose, truth: Pose) -> bool:
-    """Within the limits of `OURS`."""
-    return bool(
-        position_error_m(T, truth) <= OURS.right_position_m
-        and normal_error_rad(T, truth) <= OURS.right_normal_rad
-        and rotation_error_rad(T, truth, PORT.yaw_period_rad) <= OURS.right_rotation_rad
-    )
-
-
 def judge(number: int, poses: int, circles: int) -> dict:
     """A row of the table: what came of a scene's images."""
     scene = Scene(number)
@@ -261,7 +134,7 @@ def judge(number: int, poses: int, circles: int) -> dict:
     for _ in range(poses):
         frame, truth = scene.with_port()
         T = estimator(frame).T_cam_port
-        said["none" if T is None else "right" if is_right(T, truth) else "wrong"] += 1
+        said["none" if T is None else "right" if alike(T, truth, PORT, OURS) else "wrong"] += 1
         if T is not None:
             errors_mm.append(1e3 * float(position_error_m(T, truth)))
     found = sum(estimator(scene.with_circles()).T_cam_port is not None for _ in range(circles))
@@ -274,9 +147,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--save", action="store_true", help="write the committed table")
     parser.add_argument("--poses", type=int, default=POSES, help="images of each scene with a port")
-    parser.add_argument(
-        "--circles", type=int, default=CIRCLES, help="images of each scene with circles alone"
-    )
+    parser.add_argument("--circles", type=int, default=CIRCLES, help="images of each with circles alone")
     parser.add_argument("--jobs", type=int, default=1, help="scenes at once")
     a = parser.parse_args()
     rows = []

@@ -4,7 +4,7 @@
 
 Two logistic regressions on `verify.evidence`: of whether position and normal are right, and of whether the
 rotation is where they are.  They are fitted to the pose of every look, at each image as it is and with its
-half turn, on the tuning sequences of `wrong_poses`: bench and other laboratory together, for on the bench
+half turn, on the tuning sequences of `judged_images`: bench and other laboratory together, for on the bench
 alone few poses are wrong.  The estimator's own wrong poses are the best of wrong images: they fit the masks.
 So that the evidence is not ignored where it is plain, *misplaced* poses take part with a small weight: right
 ones turned by ten degrees, or by half a yaw period, with the standard deviations and odds of the right ones.
@@ -25,22 +25,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
-from unittest import mock
 
+import judged_images
 import numpy as np
 import pandas as pd
 import wrong_poses
-from choose_thresholds import right
-from scipy.spatial.transform import Rotation
+from confidence_sights import Sight, Sights, sights
 
 from lmmap.estimation.estimates import estimate_image
 from lmmap.estimation.images import TimedImage
-from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.pipeline.looks import one_look
 from lmmap.refinement import verify
 from lmmap.settings import OURS, Settings
-from lmmap.types import Estimate, Pose
+from lmmap.types import Estimate
 from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
 from lmmap_lab.studies.sequence_files import looks_of
@@ -51,76 +48,7 @@ WRONG_PERCENT = 1.5
 OFF_PX, OFF_SLOPE = 3, -1.0  # of the evidence: how far markers are off, and its slope, which is set by hand
 INDEPENDENCE = np.arange(0.0, 1.001, 0.05).round(2)
 FOLDS = 8  # of the tuning sequences
-MISPLACED_RAD = np.deg2rad(10)
 MISPLACED_SHARE = 0.001  # of all poses, by weight
-
-
-class Witness(wrong_poses.OnMasks):
-    """An estimator that reports every pose, and keeps its evidence and that of misplaced ones."""
-
-    def __init__(self, modality: str, settings: Settings):
-        self.kept: dict = {}  # shared with the estimator of turned images
-        super().__init__(modality, settings)
-
-    def on_grid(self, image, t_us=0, near=None) -> Estimate:
-        weigh = verify.evidence
-
-        def witnessed(T_cam_port, *about):
-            self.kept["evidence"] = weigh(T_cam_port, *about)
-            self.kept["misplaced"] = [weigh(T, *about) for T in misplaced(T_cam_port, self.port)]
-            return self.kept["evidence"]
-
-        with mock.patch.object(verify, "evidence", witnessed):
-            return super().on_grid(image, t_us, near)
-
-
-def misplaced(T_cam_port: Pose, port) -> list[Pose]:
-    """A pose turned by `MISPLACED_RAD` about four axes in the ring's plane, then by half a yaw period."""
-    x, y, normal = T_cam_port.rotation.T
-    turns = [MISPLACED_RAD * axis for axis in (x, -x, y, -y)] + [port.yaw_period_rad / 2 * normal]
-    rotations = Rotation.from_rotvec(turns).as_matrix() @ T_cam_port.rotation
-    return [Pose(R, T_cam_port.position_m) for R in rotations]
-
-
-class Sight(NamedTuple):
-    """The estimate of one look; where it has a pose also the evidence (6,), that of misplaced ones (5, 6),
-    and whether circle and pose are right."""
-
-    estimate: Estimate
-    evidence: np.ndarray | None = None
-    misplaced: list | None = None
-    circle_right: bool = False
-    right: bool = False
-
-
-class Sights(NamedTuple):
-    """All looks at an image: at N events and at more, each as it is and with its half turn."""
-
-    set: str
-    sequence: str
-    light: str
-    modality: str
-    weights: str
-    looks: list[tuple[Sight, ...]]
-
-
-def sights(set_name: str, modality: str, weights: str) -> list[Sights]:
-    """What each look at the images of a set says."""
-    witness, rows = Witness(modality, looks_of(weights, wrong_poses.EVERY_POSE)), []
-    ways = [witness.once, *([witness.once_turned] if witness.settings.turned_look else [])]
-    for case in wrong_poses.cases(set_name, modality, weights):
-        looks = [tuple(_sight(witness, way(look), look.truth) for way in ways) for look in case.looks]
-        rows.append(Sights(set_name, case.name, case.light, modality, weights, looks))
-    return rows
-
-
-def _sight(witness: Witness, estimate: Estimate, truth: Pose) -> Sight:
-    T = estimate.T_cam_port
-    if T is None:
-        return Sight(estimate)
-    circle_right = (position_error_m(T, truth) < OURS.right_position_m
-                    and normal_error_rad(T, truth) < OURS.right_normal_rad)  # fmt: skip
-    return Sight(estimate, *witness.kept.values(), bool(circle_right), right(T, truth, wrong_poses.PORT))
 
 
 class Told(wrong_poses.OnMasks):
@@ -230,7 +158,7 @@ def lowest_limits(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> dict
     for modality in ("rgb", "event"):
         own = [pair for row, pair in zip(rows, told, strict=True)
                if (row.light, row.modality, row.weights) == ("high", modality, OURS.weights)
-               and row.set in wrong_poses.EXACT]  # fmt: skip
+               and row.set in judged_images.EXACT]  # fmt: skip
         wrong = np.array([e.confidence for e, good in own if e.confidence and not good])
         percent = {limit: 100 * np.sum(wrong >= limit) / len(own) for limit in LIMITS}
         print(f"wrong of {len(own)} in high light, {modality}", pd.Series(percent).round(2).to_dict())
@@ -239,7 +167,7 @@ def lowest_limits(rows: list[Sights], told: list[tuple[Estimate, bool]]) -> dict
 
 
 def main() -> None:
-    wrong_poses.make()
+    judged_images.make()
     rows = [row for rows in wrong_poses.of_cells(sights) for row in rows]
     tuning = [row for row in rows if row.set.endswith("tuning")]
     fitted = fit(with_pose(tuning))
@@ -250,7 +178,7 @@ def main() -> None:
     told = tuned(tuning)
     print("min_confidence", lowest_limits(tuning, told))
     tables = []
-    for name in wrong_poses.SETS:
+    for name in judged_images.SETS:
         own = [row for row in rows if row.set == name]
         if name.endswith("tuning"):
             of_set = [pair for row, pair in zip(tuning, told, strict=True) if row.set == name]
@@ -263,7 +191,7 @@ def main() -> None:
         tables.append(table.assign(set=name, calibration_error=error, by_chance=mean, by_chance_95=most))
         print(name, f"error {error:.4f}, by chance {mean:.4f}")
     save_table(DATA / "results" / "confidence.csv", pd.concat(tables, ignore_index=True),
-               sequences=wrong_poses.SEQUENCES)  # fmt: skip
+               sequences=judged_images.SEQUENCES)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python tuning/fit_yaw.py
 
 A multinomial logistic regression for each camera: of all normals and yaws, those near the truth shall be the
-most probable.  It is fitted to the images of the tuning sequences of `wrong_poses`, of ports as in
+most probable.  It is fitted to the images of the tuning sequences of `judged_images`, of ports as in
 their CAD, in which one of the ring's two circles is right, of events at both looks.
 data/results/yaw-weights.csv holds, for each set of sequences, how often the most probable normal and yaw are
 right: by the mask alone, and with the image.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import judged_images
 import numpy as np
 import pandas as pd
 import wrong_poses
@@ -29,14 +30,14 @@ from lmmap_lab.provenance import DATA, save_table
 
 NEAR_RAD = np.deg2rad(4.0)  # of the true yaw: what shall be probable
 RIDGE = 1.0  # of standardised weights
-PORT, CAMERA = wrong_poses.PORT, wrong_poses.CAMERA
+PORT, CAMERA = judged_images.PORT, judged_images.CAMERA
 
 
 def views(set_name: str, modality: str, weights: str) -> list[dict]:
     """A row for each look whose ring is right: what speaks for each normal and yaw (2, yaws, 4), which of
     them are true (2, yaws), and whether `yaw.fast_yaw` is right by mask, and by mask and image."""
     estimator, rows = wrong_poses.OnMasks(modality, OURS), []
-    for case in wrong_poses.cases(set_name, modality, weights):
+    for case in judged_images.cases(set_name, modality, weights):
         for look in case.looks:
             estimator.looks = [look]
             ring = find_ring(look.masks[0], estimator.setup)
@@ -103,9 +104,9 @@ def multinomial_fit(features, true, ridge: float = RIDGE, steps: int = 40) -> np
 
 
 def main() -> None:
-    wrong_poses.make()
+    judged_images.make()
     every = pd.DataFrame([row for rows in wrong_poses.of_cells(views) for row in rows])
-    exact, weights = every.set.isin(wrong_poses.EXACT), {}
+    exact, weights = every.set.isin(judged_images.EXACT), {}
     for modality in ("rgb", "event"):
         chosen = every[every.set.str.endswith("tuning") & exact & (every.modality == modality)]
         x = np.stack([f.reshape(-1, f.shape[-1]) for f in chosen.features])
@@ -116,7 +117,7 @@ def main() -> None:
     table = (100 * groups[["mask", "both"]].mean()).add_suffix("_right_percent")
     table = table.assign(images=groups.size()).reset_index()
     print(table.round(1).to_string())
-    save_table(DATA / "results" / "yaw-weights.csv", table, sequences=wrong_poses.SEQUENCES)
+    save_table(DATA / "results" / "yaw-weights.csv", table, sequences=judged_images.SEQUENCES)
 
 
 if __name__ == "__main__":

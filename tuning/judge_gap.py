@@ -2,12 +2,16 @@
 
     python tuning/judge_gap.py
 
-The rings of the sets *low* and *high* were trained for as many steps as each other, with three seeds each,
-and all come with the package; of markers there is one seed.  They look at film that only *low* was trained
-on, and at the second simulated scene (`validation_world`), whose materials neither was trained on.  *robust*
-looks at both, with its one seed.  No training, choice or test uses these sequences.  Measured are the overlap
-of the ring's mask with the true one, rings (one of the two circles is right, yaw apart) and poses, by one
-look at each image.  No confidence is asked for: its limits were chosen for other networks than these.
+The rings of the sets *low* and *high* were trained for as many steps as each other, with three seeds each; of
+markers there is one seed.  The weights of the further seeds are in the history: before this script,
+
+    git restore --source bc41056 -- 'data/weights/*-seed?.safetensors'
+
+or train them again by the commands in their model cards.  The networks look at film that only *low* was
+trained on, and at the second simulated scene (`validation_world`), whose materials neither was trained on.
+*robust* looks at both, with its one seed.  No training, choice or test uses these sequences.  Measured are
+the overlap of the ring's mask with the true one, rings (one of the two circles is right, yaw apart) and
+poses, by one look at each image.  No confidence is asked for: its limits were chosen for other networks.
 
 What each image gave is kept in data/derived/gap, so an interrupted run goes on; remove that folder after a
 change of the bench, the estimator or the weights.  The table is data/results/domain-gap.csv.  It takes a
@@ -22,7 +26,7 @@ import pandas as pd
 import torch
 import validation_world as world
 from choose_thresholds import right
-from wrong_poses import CAMERA, LIGHTS, PORT, of_light
+from judged_images import CAMERA, LIGHTS, PORT, of_light
 
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.pipeline import circle

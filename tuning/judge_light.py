@@ -2,7 +2,7 @@
 
     python tuning/judge_light.py
 
-Images, masks and poses are those of `wrong_poses`, with the settings of the default networks.
+Images, masks and poses are those of `judged_images`, with the settings of the default networks.
 data/results/light.csv has, for each camera and light and each set of sequences, and for the tuning ones
 together, the shares of right, wrong and missing poses with 95 % intervals, and how many more than with the
 default networks are right.  In the rows of all lights are the expected calibration error of the confidence
@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
+import judged_images
 import numpy as np
 import pandas as pd
 import wrong_poses
@@ -25,9 +26,9 @@ from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
 
 JUDGED = ("light", OURS.weights)
-CELLS = [(place, m, w) for place in wrong_poses.SETS for m in MODALITIES for w in JUDGED]
-GROUPS = {"tuning": [place for place in wrong_poses.SETS if place.endswith("tuning")],
-          **{place: [place] for place in wrong_poses.SETS}}  # fmt: skip
+CELLS = [(place, m, w) for place in judged_images.SETS for m in MODALITIES for w in JUDGED]
+GROUPS = {"tuning": [place for place in judged_images.SETS if place.endswith("tuning")],
+          **{place: [place] for place in judged_images.SETS}}  # fmt: skip
 
 
 def more_right(images: pd.DataFrame, others: pd.DataFrame) -> dict:
@@ -70,7 +71,7 @@ def rows_of(found: pd.DataFrame) -> Iterator[dict]:
 
 
 def main() -> None:
-    wrong_poses.make(CELLS)
+    judged_images.make(CELLS)
     outcomes = partial(wrong_poses.outcomes, {"every pose": wrong_poses.EVERY_POSE})
     found = pd.concat(wrong_poses.of_cells(outcomes, CELLS), ignore_index=True)
     table = pd.DataFrame([{"set": name, **row} for name, places in GROUPS.items()

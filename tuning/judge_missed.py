@@ -2,7 +2,7 @@
 
     python tuning/judge_missed.py
 
-The images are those of the set "other laboratory, judged once" of `wrong_poses`.  A person looked at all of
+The images are those of the set "other laboratory, judged once" of `judged_images`.  A person looked at all of
 them before any network did, and wrote into `tuning/rings-seen.csv` whether the ring's outline can be followed
 on more than half of its length.  Images that nobody has judged yet, as after a change of the bench, are drawn
 into data/derived/missed, and the script ends; it is called again when they are in the file.  The table of
@@ -15,6 +15,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import judged_images
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
@@ -45,19 +46,19 @@ def answers() -> pd.DataFrame:
     rows = []
     for modality in ("rgb", "event"):
         estimator, number, last = wrong_poses.OnMasks(modality, OURS), 0, ""
-        for case in wrong_poses.cases(SET, modality, OURS.weights):
+        for case in judged_images.cases(SET, modality, OURS.weights):
             number, last = (number + 1 if case.name == last else 0), case.name
             estimate, look = estimator.answer(case)
             T = estimate.T_cam_port
             rows.append({"sequence": case.name, "modality": modality, "image": number, "light": case.light,
                          "pixels": case.looks[0].image, "truth": case.looks[0].truth, "estimate": estimate,
-                         "right": T is not None and right(T, look.truth, wrong_poses.PORT)})  # fmt: skip
+                         "right": T is not None and right(T, look.truth, judged_images.PORT)})  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def ring_at(truth: Pose) -> Ellipse:
     """The ring's centre line at a pose."""
-    return circle_ellipse(truth, wrong_poses.PORT.ring_radius_m, wrong_poses.CAMERA)
+    return circle_ellipse(truth, judged_images.PORT.ring_radius_m, judged_images.CAMERA)
 
 
 def draw_to_judge(rows: pd.DataFrame) -> list[Path]:
@@ -89,7 +90,7 @@ def draw_missed(rows: pd.DataFrame) -> None:
         ax.set_axis_off()
     for ax, row in zip(axes.flat, rows.itertuples(), strict=False):
         estimate: Estimate = row.estimate
-        drawings.draw_estimate(ax, row.pixels, estimate, wrong_poses.PORT, wrong_poses.CAMERA, row.truth)
+        drawings.draw_estimate(ax, row.pixels, estimate, judged_images.PORT, judged_images.CAMERA, row.truth)
         if estimate.T_cam_port is None and estimate.ellipse is not None:
             drawings.draw_ellipse(ax, estimate.ellipse)
         drawings.look_at(ax, ring_at(row.truth), MARGIN)
@@ -103,7 +104,7 @@ def draw_missed(rows: pd.DataFrame) -> None:
 def main() -> None:
     matplotlib.use("Agg")
     drawings.use_style()
-    wrong_poses.make()
+    judged_images.make()
     rows = answers()
     judged = pd.read_csv(SEEN) if SEEN.exists() else pd.DataFrame(columns=[*KEY, "seen"])
     rows = rows.merge(judged, "left", KEY)

@@ -2,10 +2,10 @@
 
     python tuning/judge_widths.py FOLDER
 
-FOLDER holds what ``train_widths.py`` writes.  The images are those of `wrong_poses` on its tuning sequences;
-poses are counted in high light, with the settings of the *robust* filters.  Times are of one image of a
-DAVIS 346 on one core, filters alternating, and the multiply-accumulates are counted at its size.  The table
-is data/results/widths.csv.
+FOLDER holds what ``train_widths.py`` writes.  The images are `judged_images` of the tuning sequences; poses
+are counted in high light, with the settings of the *robust* filters.  Times are of one image of a DAVIS 346
+on one core, filters alternating, and the multiply-accumulates are counted at its size.  The table is
+data/results/widths.csv.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from itertools import product
 from pathlib import Path
 
 import joblib
+import judged_images
 import numpy as np
 import pandas as pd
 import torch
-import wrong_poses
 from choose_thresholds import right
 from train_widths import WEIGHTS, recipes
 
@@ -38,7 +38,7 @@ from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.studies.reliability import share_interval
 from lmmap_lab.training.mask_quality import iou
 
-PLACES = [place for place in wrong_poses.SETS if place.endswith("tuning")]
+PLACES = [place for place in judged_images.SETS if place.endswith("tuning")]
 ROUNDS = 15  # of the timing
 
 
@@ -53,15 +53,15 @@ def judged(pattern: str, modality: str, place: str) -> list[dict]:
     """A row for each image of a set of sequences: overlaps of both masks, and what the pose is."""
     torch.set_num_threads(1)
     networks = [load_network(pattern.format(name, modality), modality, "float32") for name in FILTERS]
-    estimator = Estimator(wrong_poses.CAMERA, wrong_poses.PORT, modality, tuple(networks))
-    rays, rows = ray_grid(wrong_poses.CAMERA, 4), []
-    kinds = [kind for kind in wrong_poses.KINDS if kind.startswith(modality)]
-    for name, light in wrong_poses.SETS[place].items():
-        with np.load(wrong_poses.path_of(name)) as data:
+    estimator = Estimator(judged_images.CAMERA, judged_images.PORT, modality, tuple(networks))
+    rays, rows = ray_grid(judged_images.CAMERA, 4), []
+    kinds = [kind for kind in judged_images.KINDS if kind.startswith(modality)]
+    for name, light in judged_images.SETS[place].items():
+        with np.load(judged_images.path_of(name)) as data:
             parts = [(data[k], data[f"{k} rotation"], data[f"{k} position_m"]) for k in kinds]
         for i in range(len(parts[0][0])):
             looks = [(images[i], Pose(R[i], p[i])) for images, R, p in parts]
-            truth = labels.label_masks(looks[0][1], wrong_poses.PORT, wrong_poses.CAMERA, rays)
+            truth = labels.label_masks(looks[0][1], judged_images.PORT, judged_images.CAMERA, rays)
             masks = [network(looks[0][0]) > OURS.mask_threshold for network in networks]
             overlaps = {f"{f}_iou": iou(*pair) for f, *pair in zip(FILTERS, masks, truth, strict=True)}
             row = {"place": place, "sequence": name, "light": light, "modality": modality, **overlaps}
@@ -69,7 +69,7 @@ def judged(pattern: str, modality: str, place: str) -> list[dict]:
                 wider = (1, looks[1][0]) if len(looks) > 1 else None
                 _, e = estimate_image(estimator, TimedImage(0, looks[0][0], wider))
                 posed = e.T_cam_port is not None
-                good = posed and right(e.T_cam_port, looks[e.t_us][1], wrong_poses.PORT)
+                good = posed and right(e.T_cam_port, looks[e.t_us][1], judged_images.PORT)
                 row |= {"right": good, "wrong": posed and not good}
             rows.append(row)
     return rows
@@ -88,7 +88,7 @@ def cost(net: FilterNet, channels: int) -> dict:
     for layer in net.modules():
         if hasattr(layer, "weight"):
             layer.register_forward_hook(count)
-    height, width = wrong_poses.CAMERA.size_px[::-1]
+    height, width = judged_images.CAMERA.size_px[::-1]
     with torch.inference_mode():
         net(torch.zeros(1, channels, height, width))
     last = net.up[2].weight.numel() * -(-height // 2) * -(-width // 2)  # `up_to_one_channel` is no layer
@@ -98,7 +98,7 @@ def cost(net: FilterNet, channels: int) -> dict:
 def milliseconds(patterns: dict[str, str], modality: str) -> dict[str, float]:
     """Median time of the ring's filter on one image, all of them in turn."""
     torch.set_num_threads(1)
-    size_px, rng = wrong_poses.CAMERA.size_px[::-1], np.random.default_rng(0)
+    size_px, rng = judged_images.CAMERA.size_px[::-1], np.random.default_rng(0)
     image = rng.integers(0, 9, (*size_px, 3) if modality == "rgb" else size_px).astype(np.uint8)
     networks = {k: load_network(p.format("ring", modality), modality) for k, p in patterns.items()}
     took = {name: [] for name in networks}

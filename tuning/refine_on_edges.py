@@ -3,7 +3,7 @@
 
     python tuning/refine_on_edges.py
 
-Poses of the sequences of `wrong_poses` with and without the refinement: medians of their errors, and how
+Poses of the sequences of `judged_images` with and without the refinement: medians of their errors, and how
 often the 95 % region of position and rotation holds the truth.  By one inflation for all images the regions
 are too large in low light, where markers are clear, and too small in high light.  So the covariance is
 inflated by ``edge_inflation / score ** edge_fading``, of the score of the markers.  Both come, by camera, of
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import judged_images
 import numpy as np
 import pandas as pd
 import wrong_poses
@@ -26,7 +27,7 @@ from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rot
 from lmmap.settings import OURS, PerCamera
 from lmmap_lab.provenance import DATA, save_table
 
-PORT = wrong_poses.PORT
+PORT = judged_images.PORT
 REGION = chi2.ppf(0.95, 6)
 HELD = 0.95  # of the right poses
 BASE = replace(wrong_poses.EVERY_POSE, edge_inflation=PerCamera(1.0, 1.0), edge_fading=PerCamera(0.0, 0.0))
@@ -46,7 +47,7 @@ def poses(set_name: str, modality: str, weights: str) -> list[dict]:
     """A row for each look at which both estimators have a pose with the right yaw."""
     rows = []
     estimators = {name: wrong_poses.OnMasks(modality, settings) for name, settings in ESTIMATORS.items()}
-    for case in wrong_poses.cases(set_name, modality, weights):
+    for case in judged_images.cases(set_name, modality, weights):
         for look in case.looks:
             row = {"set": set_name, "light": case.light, "modality": modality}
             for name, estimator in estimators.items():
@@ -82,7 +83,7 @@ def inflation_of(table: pd.DataFrame) -> tuple[float, float]:
 
 
 def main() -> None:
-    wrong_poses.make()
+    judged_images.make()
     every = pd.DataFrame([row for rows in wrong_poses.of_cells(poses) for row in rows])
     tuning = every[every.set.str.endswith("tuning")]
     every["held_percent"] = np.nan
@@ -98,7 +99,7 @@ def main() -> None:
         groups.median().assign(held_percent=groups.held_percent.mean(), images=groups.size()).reset_index()
     )
     print(table.round(2).to_string())
-    save_table(DATA / "results" / "image-edges.csv", table, sequences=wrong_poses.SEQUENCES)
+    save_table(DATA / "results" / "image-edges.csv", table, sequences=judged_images.SEQUENCES)
 
 
 if __name__ == "__main__":

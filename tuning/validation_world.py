@@ -134,6 +134,7 @@ def recorded(name: str, world: str) -> Recording:
 def pictured(name: str) -> Recording:
     """Frames by Mitsuba, as a recording without events."""
     import mitsuba_scene as peer
+    import mitsuba_shapes as materials
 
     seq = laboratory.sequence(name)
     (solid, skin), light = panel(seq, PORT), lamps(seq)
@@ -154,7 +155,7 @@ def pictured(name: str) -> Recording:
             return {"type": "roughplastic", "diffuse_reflectance": diffuse, "alpha": 0.3}
         return covers[int(seq.name[-4:]) % len(covers)]
 
-    changes = [(peer, "material", bsdf), (renderer, "PARTS", PAINT), (shading, "RETRO_PEAK_SR", 5.0),
+    changes = [(materials, "material", bsdf), (renderer, "PARTS", PAINT), (shading, "RETRO_PEAK_SR", 5.0),
                (shading, "RETRO_WIDTH_RAD", np.deg2rad(4.0))]  # fmt: skip
     with ExitStack() as stack:
         for place, what, value in changes:

@@ -18,21 +18,20 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import pandas as pd
+import published
 
 from lmmap.estimation.estimates import estimate
 from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_recording
-from lmmap.recordings.pose_files import read_trajectory, write_trajectory
-from lmmap.types import InputError, Port, Trajectory
+from lmmap.recordings.pose_files import write_trajectory
+from lmmap.types import Port
 from lmmap_lab.bench import sequences, simulate
-from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile, save_table
+from lmmap_lab.provenance import DERIVED_DATA, ROOT, commit, fingerprint, profile
 from lmmap_lab.studies import odometry, odometry_files, sequence_files
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
 RUNS = 2  # of each start, by default: neither system is deterministic
-TRUTH_HZ = 20  # the motion is slow: interpolating this is exact to 0.02 mm
 TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far too busy
 OWN_TIMEOUT_S = 7200.0  # EVO here reads a file as fast as it can, and cannot hang
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
@@ -155,35 +154,6 @@ def ours(name: str, modality: str, folder: Path, mark: str) -> dict:
     return {**row, "outcome": "finished", **json.loads(counts.read_text()), "file": path.name}
 
 
-def publish(rows: list[dict], folder: Path, facts: dict, kept_rows: list[dict]) -> None:
-    """Copy tracks and truth to data/results/odometry, with the log; tracks not in ``kept_rows`` go."""
-    target = odometry.FOLDER
-    target.mkdir(parents=True, exist_ok=True)
-    users = {f"EVO-event-{name}.tum" for name in odometry.SEQUENCES}  # of another EVO, put there by a user
-    for old in target.glob("*.tum"):
-        if old.name not in {*(row["file"] for row in kept_rows), *users}:
-            old.unlink()
-    for name in odometry.SEQUENCES:
-        truth = read_trajectory(folder / f"{name}.truth.csv")
-        every = max(1, round(len(truth) / (truth.t_us[-1] - truth.t_us[0]) * 1e6 / TRUTH_HZ))
-        at = sorted({*range(0, len(truth), every), len(truth) - 1})
-        write_trajectory(Trajectory(truth.t_us[at], truth.poses[at]), target / f"truth-{name}.tum", "tum")
-    for row in rows:
-        lines = (folder / "tracks" / row["file"]).read_text().splitlines()
-        (target / row["file"]).write_text("".join(_short(line) + "\n" for line in lines))
-    table = pd.DataFrame(kept_rows + rows)
-    table = table.sort_values("method", key=lambda m: m.map(METHODS.index), kind="stable")
-    save_table(target / "runs.csv", table, **facts)
-    say(f"{target.relative_to(ROOT)}: {len(rows)} runs written, {len(kept_rows)} kept")
-
-
-def _short(line: str) -> str:
-    if line.startswith("#"):
-        return line
-    time, *pose = line.split()
-    return " ".join([time, *(f"{float(v):.6f}" for v in pose)])
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 2,
@@ -198,7 +168,7 @@ def main() -> None:
     (folder / "tracks").mkdir(parents=True, exist_ok=True)
     facts, kept_rows, rows = {"profile": profile(), "seconds": seconds, "commits": {}}, [], []
     if arguments.methods:
-        kept_rows, facts = _kept_rows(methods, facts)
+        kept_rows, facts = published.kept_rows(methods, facts)
     marks = {name: prepare(name, seconds, folder) for name in odometry.SEQUENCES}
     facts["commits"] |= dict.fromkeys(methods, commit())
     if "lmmap" in methods:
@@ -213,7 +183,8 @@ def main() -> None:
         except BaseException:  # those under way end, and are kept; no other begins
             pool.shutdown(cancel_futures=True)
             raise
-    publish(rows, folder, facts, kept_rows)
+    published.publish(rows, folder, facts, kept_rows, METHODS)
+    say(f"{odometry.FOLDER.relative_to(ROOT)}: {len(rows)} runs written, {len(kept_rows)} kept")
 
 
 def _vocabulary(words: Path) -> str:
@@ -221,25 +192,6 @@ def _vocabulary(words: Path) -> str:
     mark = fingerprint(files=("benchmarks/vo/vocabulary.py", "benchmarks/vo/requirements.txt"))
     kept(words, mark, lambda: subprocess.run([PYTHON, HERE / "vocabulary.py", words], check=True))
     return subprocess.run(["sha256sum", words], capture_output=True, text=True, check=True).stdout.split()[0]
-
-
-def _kept_rows(methods: list[str], facts: dict) -> tuple[list[dict], dict]:
-    """Committed rows of all other methods, and the facts with the commits that made them.
-
-    Raises
-    ------
-    InputError
-        If the committed rows are of another profile: runs of different lengths do not compare.
-    """
-    log = pd.read_csv(odometry.FOLDER / "runs.csv")
-    before = json.loads((odometry.FOLDER / "runs.provenance.json").read_text())
-    if before["profile"] != facts["profile"]:
-        raise InputError(
-            f"{odometry.FOLDER / 'runs.csv'}: its runs are of the profile {before['profile']}, not of "
-            f"{facts['profile']}; set PROFILE, or run all methods"
-        )
-    inherited = {key: before[key] for key in ("vocabulary_sha256", "pins", "commits") if key in before}
-    return log[~log.method.isin(methods)].to_dict("records"), facts | inherited
 
 
 if __name__ == "__main__":

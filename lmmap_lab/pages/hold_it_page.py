@@ -8,9 +8,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rotation_error_rad
+from lmmap.evaluation.pose_errors import normal_error_rad
+from lmmap.pipeline.agreement import alike
 from lmmap.settings import OURS
-from lmmap.types import Camera, Estimate, Port, Pose, Trajectory
+from lmmap.types import Camera, Estimate, Port, Trajectory
 
 from ..paper_port.experiments import PARTS, SLIDE_MM
 from .drawings import COLOUR, draw_estimate
@@ -26,15 +27,9 @@ def verdicts(estimates: Sequence[Estimate], truth: Trajectory, port: Port) -> pd
     for name, part in PARTS.items():
         for k in range(part.start, part.stop):
             T, true = estimates[k].T_cam_port, truth.poses[k]
-            verdict = "none" if T is None else "right" if _is_right(T, true, port) else "wrong"
+            verdict = "none" if T is None else "right" if alike(T, true, port, OURS) else "wrong"
             rows.append((name, str(estimates[k].status), verdict))
     return pd.DataFrame(rows, columns=["part", "status", "verdict"])
-
-
-def _is_right(T: Pose, truth: Pose, port: Port) -> bool:
-    return bool(position_error_m(T, truth) <= OURS.right_position_m
-                and normal_error_rad(T, truth) <= OURS.right_normal_rad
-                and rotation_error_rad(T, truth, port.yaw_period_rad) <= OURS.right_rotation_rad)  # fmt: skip
 
 
 def count_verdicts(table: pd.DataFrame) -> pd.DataFrame:

@@ -17,13 +17,10 @@ from lmmap.geometry.projection import project
 from lmmap.types import Camera, Port, Pose
 
 from .port_outline import KINDS, dimensions_m, kinds_of, outline, with_dimensions
+from .port_statistics import covariance, solve, weights
 
-SIZES, OFFSETS, MASKS, LENS = (
-    slice(0, 5),
-    slice(5, 7),
-    slice(5, 9),
-    slice(9, None),
-)  # of what all images share
+# of what all images share
+SIZES, OFFSETS, MASKS, LENS = slice(0, 5), slice(5, 7), slice(5, 9), slice(9, None)
 
 PRIOR_SHARE = 0.2  # standard deviation of a dimension, in units of it, before anything is measured
 OFFSET_PX = 0.3  # standard deviation of how far a mask reaches beyond its part, on all sides alike
@@ -31,10 +28,6 @@ GROWTH_PX = 0.15  # standard deviation of how much that changes while the distan
 # standard deviations, before anything is measured, of the focal length's logarithm, the first radial
 # coefficient, and the centre in units of the image's width
 LENS_SIGMA = (0.5, 0.15, 0.01, 0.01)
-LEAST_SIGMA_PX = 0.05  # of a measured edge
-TUKEY = 4.7  # standard deviations beyond which a residual counts for nothing
-BAD_IMAGE = 3.0  # times the typical residual: the image shows another pose than its start
-LEAST_SHARE = 0.3  # of the edges of ring and of markers, without which an image counts for nothing
 ROUNDS, LEAST_ROUNDS, SETTLED = 40, 6, 0.03  # steps, and the last one's size in standard deviations
 LONGEST_STEP, LONGEST_TURN_RAD = 0.2, 0.1  # in units of a dimension (px, logarithm), and of a pose
 STEP_M = STEP = 1e-6  # for derivatives
@@ -134,7 +127,7 @@ def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, lens:
     for count in range(ROUNDS):
         gap_px, J_pose, J_shared = linearise(T, shared, measure, port, camera)
         residual = gap_px - J_shared[..., MASKS] @ shared[MASKS]
-        weight, bend, residual_px, kept = _weights(residual)
+        weight, bend, residual_px, kept = weights(residual)
         kept &= kept_before | (count < ROUNDS // 2)  # late, none comes back: it might go and come for ever
         kept_before = kept
 
@@ -149,12 +142,12 @@ def adjust(T_cam_port: Pose, measure: Measure, port: Port, camera: Camera, lens:
         S = (J_shared_w @ free)[kept].sum(0) + precision
         score = (np.swapaxes(free * weight[..., None], -1, -2) @ r)[kept, :, 0]
 
-        step = _solve(S, score.sum(0) + precision @ (start - shared))
+        step = solve(S, score.sum(0) + precision @ (start - shared))
         step = step * min(1.0, np.min(longest / np.maximum(np.abs(step), 1e-30)))
         shared = shared + step
         shared[1:5] = np.clip(shared[1:5], 0.1 * dimensions[1:], 5 * dimensions[1:])  # lengths
         T = _moved(T, by_edges[..., 0] - by_shared @ step)
-        sigma = np.sqrt(_covariance(S, score, precision, bend).diagonal())
+        sigma = np.sqrt(covariance(S, score, precision, bend).diagonal())
         settled = bool(np.all(np.abs(step) < SETTLED * sigma))
         if settled and count + 1 >= LEAST_ROUNDS:
             break
@@ -198,38 +191,3 @@ def _moved(T: Pose, step) -> Pose:
     angle_rad = np.linalg.norm(step[:, 3:], axis=1, keepdims=True)
     step = step * np.minimum(1.0, LONGEST_TURN_RAD / np.maximum(angle_rad, 1e-12))
     return Pose(Rotation.from_rotvec(step[:, 3:]).as_matrix() @ T.rotation, T.position_m + step[:, :3])
-
-
-def _weights(residual):
-    """Tukey's weights (N, K) over each kind's variance, 0 where nothing is measured; the ratio of their sum
-    to that of the influence's derivative; the kinds' standard deviations (2,) px; the images kept (N,)."""
-    seen, kinds = np.isfinite(residual), kinds_of(residual.shape[1])
-    size, sigma_px, kept = np.where(seen, np.abs(residual), np.inf), np.zeros(KINDS), np.ones(len(seen), bool)
-    for kind in range(KINDS):
-        own, own_seen = size[:, kinds == kind], seen[:, kinds == kind]
-        typical_px = np.median(own[own_seen]) if own_seen.any() else 0.0
-        sigma_px[kind] = max(1.48 * typical_px, LEAST_SIGMA_PX)
-        median_px = np.array(
-            [np.median(row[row < np.inf]) if (row < np.inf).any() else np.inf for row in own]
-        )
-        kept &= (median_px < BAD_IMAGE * sigma_px[kind] / 1.48) & (own_seen.mean(1) > LEAST_SHARE)
-    u2 = np.minimum(size / (TUKEY * sigma_px[kinds]), 1.0) ** 2
-    weight, slope = (part * sigma_px[kinds] ** -2.0 for part in ((1 - u2) ** 2, (1 - u2) * (1 - 5 * u2)))
-    return weight, weight[kept].sum() / max(slope[kept].sum(), 1e-12), sigma_px, kept
-
-
-def _covariance(S, score, precision, bend: float) -> np.ndarray:
-    """Of what all images share, by how the images' own scores (N, Q) scatter: S^-1 (sum s s') S^-1.
-
-    Errors of one image's edges are alike, so an image counts as one observation, not as its hundreds of
-    edges; errors that images share are not seen.  S has Tukey's weights, and ``bend`` corrects it to the
-    influence's derivative.  What no image determines keeps the variance that it had before.
-    """
-    meat = score.T @ score * (len(score) / max(len(score) - 1, 1) * bend**2) + precision
-    return _solve(S, _solve(S, meat).T)
-
-
-def _solve(S, right) -> np.ndarray:
-    """S^-1 right, by a matrix of unit diagonal: metres stand beside pixels in S."""
-    scale = S.diagonal() ** -0.5
-    return (np.linalg.solve(S * np.outer(scale, scale), (right.T * scale).T).T * scale).T

@@ -44,29 +44,15 @@ COMMITTED = DATA / "results" / "accuracy"  # the paper profile's tables
 
 @dataclass(frozen=True)
 class Study:
-    """Where the study keeps its results, and what makes them; a test puts smaller parts in their place.
+    """Where the study keeps its results, and what makes them; a test puts smaller parts in their place."""
 
-    Attributes
-    ----------
-    derived
-        Folder of recordings, estimates and results of sequences, in a folder of each profile.
-    committed
-        Folder of the paper profile's tables and packed results.
-    recording, estimates, mask_quality
-        Functions as `bench_recording`, `kept_estimates` and `filter_quality`.
-    code
-        Functions and classes that make a sequence's results.
-    draws
-        Of the bootstrap.
-    """
-
-    derived: Path = DERIVED_DATA
-    committed: Path = COMMITTED
+    derived: Path = DERIVED_DATA  # recordings, estimates and results of sequences, a folder a profile
+    committed: Path = COMMITTED  # the paper profile's tables and packed results
     recording: Callable = bench_recording
     estimates: Callable = kept_estimates
     mask_quality: Callable = filter_quality
-    code: Iterable[Callable] = CODE
-    draws: int = DRAWS
+    code: Iterable[Callable] = CODE  # functions and classes that make a sequence's results
+    draws: int = DRAWS  # of the bootstrap
 
     def archive(self, name: str) -> Path:
         """The packed results of a sequence."""

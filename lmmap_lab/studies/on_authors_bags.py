@@ -27,7 +27,7 @@ from ..provenance import DERIVED_DATA, save_json, save_table
 from ..rig import authors_bags
 from ..rig.authors_bags import AuthorsBag
 from ..rig.truth import true_trajectory
-from ..training import dataset
+from ..training import excerpts
 from . import misalignment, odometry, table1
 from .bag_estimates import bag_label, detect, folder_rig, learned_networks, resumable_file
 
@@ -140,7 +140,7 @@ def training_set(folder, domain_gap: str, report=print) -> tuple[list[str], Path
     names = []
     for bag in chosen:
         stream = replace(open_stream(bag.path), truth=true_trajectory(bag.path, rig))
-        names += dataset.make_recording_samples(
+        names += excerpts.make_recording_samples(
             stream, bag_label(Path(folder), bag), out / "training", rig.port, report
         )
     if len(names) < 5:

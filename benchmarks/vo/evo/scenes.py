@@ -18,18 +18,11 @@ from lmmap.types import EVENT, Camera, Pose, Recording, Trajectory
 from lmmap_lab.bench import optics
 from lmmap_lab.bench.event_sensor import EventSensor, SensorSettings
 
-TEXEL_M = 0.004
+from .rooms import Room, room
+
 SUPERSAMPLING = 2  # rays per pixel along each axis
 LENS_BLUR_PX, STEP_PX, TRUTH_HZ = 0.6, 0.9, 200  # as in `lmmap_lab.bench.sequences`
 FULL_SCALE = 220.0  # 8-bit units of a white surface
-
-
-@dataclass(frozen=True)
-class Room:
-    """Textured rectangles: ``frames (N, 3, 3)`` holds, in columns, both edges and the corner (m)."""
-
-    frames: np.ndarray
-    textures: tuple[np.ndarray, ...]
 
 
 @dataclass(frozen=True)
@@ -61,44 +54,6 @@ TURNING = (  # from the first moment on, which is hard on a start from a plane
 def scene(name: str) -> Scene:
     """The scene of a name; ``KeyError`` if there is none."""
     return {s.name: s for s in (*SCENES, *TURNING)}[name]
-
-
-def room(layout: str) -> Room:
-    """The rectangles of a layout, with textures drawn from its name."""
-    rng = np.random.default_rng(zlib.crc32(layout.encode()))
-    if layout == "boxes":
-        frames = [
-            _rectangle((-4.0, -3.0, 3.4), (8.0, 0, 0), (0, 6.0, 0)),
-            _rectangle((-4.0, 1.0, 0.3), (8.0, 0, 0), (0, 0, 3.1)),
-            *_box((-0.75, 0.55, 2.0), (0.5, 0.9, 0.5), 0.5),
-            *_box((0.55, 0.65, 1.7), (0.45, 0.7, 0.4), -0.4),
-            *_box((0.05, -0.45, 2.6), (0.7, 0.5, 0.4), 0.3),
-            *_box((1.3, 0.2, 2.7), (0.5, 1.6, 0.5), 0.8),
-            *_box((-1.4, -0.4, 2.8), (0.5, 0.6, 0.5), -0.6),
-        ]
-    elif layout == "desk":
-        frames = [
-            _rectangle((-3.0, -2.5, 3.0), (6.0, 0, 0), (0, 4.0, 0)),
-            _rectangle((-1.6, 0.55, 0.7), (3.2, 0, 0), (0, -0.25, 2.2)),
-            *_box((-0.45, 0.25, 1.4), (0.3, 0.45, 0.25), 0.4),
-            *_box((0.30, 0.30, 1.2), (0.25, 0.3, 0.2), -0.5),
-            *_box((0.10, 0.05, 1.9), (0.45, 0.5, 0.25), 0.15),
-            *_box((0.85, 0.05, 1.8), (0.3, 0.6, 0.3), 0.9),
-            *_box((-0.95, 0.0, 2.1), (0.4, 0.6, 0.3), -0.7),
-        ]
-    elif layout == "corner":
-        frames = [
-            _rectangle((-3.2, -3.0, 1.2), (3.2, 0, 2.2), (0, 5.0, 0)),
-            _rectangle((0.0, -3.0, 3.4), (3.2, 0, -2.2), (0, 5.0, 0)),
-            _rectangle((-4.0, 1.0, 0.3), (8.0, 0, 0), (0, 0, 3.4)),
-            *_box((-0.6, 0.5, 1.9), (0.5, 1.0, 0.4), 0.6),
-            *_box((0.65, 0.3, 2.0), (0.4, 1.4, 0.4), -0.3),
-            *_box((0.05, -0.75, 2.2), (0.6, 0.35, 0.4), 0.2),
-        ]
-    else:
-        raise ValueError(f"layout: expected boxes, desk or corner, got {layout!r}")
-    sizes_m = [np.linalg.norm(frame[:, :2], axis=0) for frame in frames]
-    return Room(np.array(frames), tuple(_texture(size, rng) for size in sizes_m))
 
 
 def motion(s: Scene, t_s) -> Pose:
@@ -189,36 +144,6 @@ def _render_times_us(s: Scene, where: Room, camera: Camera, seconds: float) -> n
         speed_px[k] = np.linalg.norm(pixel - np.stack([u, v], -1)[seen], axis=1).max()
     travelled = np.concatenate([[0], np.cumsum(np.maximum(speed_px, STEP_PX / 20))])
     return np.unique((np.interp(np.arange(0, travelled[-1], STEP_PX), travelled, t_s) * 1e6).astype(np.int64))
-
-
-def _rectangle(corner, edge_a, edge_b) -> np.ndarray:
-    return np.stack([edge_a, edge_b, corner], -1).astype(float)
-
-
-def _box(centre, size, yaw_rad: float) -> list[np.ndarray]:
-    """Faces of a box that stands upright, turned about the vertical."""
-    R = Rotation.from_rotvec([0, yaw_rad, 0]).as_matrix()
-    faces = []
-    for axis in range(3):
-        a, b, n = np.roll(np.eye(3), -axis, 0) * np.roll(size, -axis)[:, None]
-        faces += [R @ _rectangle(side * n / 2 - a / 2 - b / 2, a, b) for side in (-1, 1)]
-    for face in faces:
-        face[:, 2] += centre
-    return faces
-
-
-def _texture(size_m, rng: np.random.Generator) -> np.ndarray:
-    """Reflectances of random polygons on grey: rows along the second edge, columns along the first."""
-    columns, rows = np.maximum(np.ceil(np.asarray(size_m) / TEXEL_M).astype(int), 8)
-    image = np.full((rows, columns), rng.uniform(0.25, 0.6), np.float32)
-    for _ in range(3 + int(7 * size_m[0] * size_m[1])):
-        centre, radius = rng.uniform(0, (columns, rows)), rng.uniform(0.06, 0.20) / TEXEL_M
-        angles = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 6)))
-        corners = centre + radius * np.stack([np.cos(angles), np.sin(angles)], -1)
-        cv2.fillPoly(
-            image, [corners.astype(np.int32)], float(np.exp(rng.uniform(np.log(0.08), np.log(0.95))))
-        )
-    return cv2.GaussianBlur(image, (0, 0), 0.6)
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from attack_kinds import snapshot
+from attack_checks import snapshot
 from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 from test_odometry import track

@@ -27,6 +27,7 @@ print('SUMMARY {{"frames": 5, "initialising": 1, "tracked": 3, "lost": 1, "reset
 
 @pytest.fixture
 def bench(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks" / "vo")
     spec = importlib.util.spec_from_file_location("vo_run", ROOT / "benchmarks" / "vo" / "run.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -73,8 +74,8 @@ def test_one_method_keeps_the_rows_and_the_commits_of_the_others(bench, tmp_path
     monkeypatch.setattr(bench.odometry, "FOLDER", tmp_path)
     (tmp_path / "runs.provenance.json").write_text(json.dumps(before))
     pd.DataFrame(rows).to_csv(tmp_path / "runs.csv", index=False)
-    kept_rows, facts = bench._kept_rows(["lmmap"], {"profile": "quick", "commits": {}})
+    kept_rows, facts = bench.published.kept_rows(["lmmap"], {"profile": "quick", "commits": {}})
     assert kept_rows == [{"method": "SVO", "tracked": 2}, {"method": "EVO", "tracked": 3}]
     assert facts["commits"] == before["commits"]
     with pytest.raises(InputError, match="profile quick"):
-        bench._kept_rows(["lmmap"], {"profile": "paper"})
+        bench.published.kept_rows(["lmmap"], {"profile": "paper"})

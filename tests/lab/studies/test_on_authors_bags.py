@@ -17,7 +17,7 @@ from lmmap.types import Camera, Port
 from lmmap_lab import provenance
 from lmmap_lab.rig import authors_bags, standin
 from lmmap_lab.studies import on_authors_bags
-from lmmap_lab.training import dataset
+from lmmap_lab.training import dataset, excerpts
 from lmmap_readers.rig import RIG_FILE
 
 
@@ -105,8 +105,8 @@ def test_damaged_bags_make_no_noise(folder, capfd, monkeypatch, command, seed):
 
 
 def test_training_on_bags_makes_filters_that_reproduce_takes(folder, capsys, monkeypatch):
-    monkeypatch.setattr(dataset, "SEQUENCE_SECONDS", 0.09)
-    monkeypatch.setattr(dataset, "EXCERPT_EVERY_S", 0.09)
+    monkeypatch.setattr(excerpts, "SEQUENCE_SECONDS", 0.09)
+    monkeypatch.setattr(excerpts, "EXCERPT_EVERY_S", 0.09)
     argv = ("train", "--data", folder, "--modality", "rgb", "--domain-gap", "low", "--steps", "1",
             "--filter", "ring", "--start-from", "low")  # fmt: skip
     code, out, err = run(capsys, *argv)
@@ -129,7 +129,7 @@ def test_excerpts_are_cuts_of_the_recording(starts_us):
     pieces = [whole.events[k : k + 9000] for k in range(0, len(whole.events), 9000)]
     source = Source(None, events=lambda: iter(pieces), frames=whole.timed_frames)
     stream = Stream("cut", whole.camera, source, whole.truth)
-    for start_us, piece in zip(starts_us, dataset.excerpts(stream, starts_us, 100_000), strict=True):
+    for start_us, piece in zip(starts_us, excerpts.excerpts(stream, starts_us, 100_000), strict=True):
         t_us, frames_t_us = whole.events["t_us"], whole.frames_t_us
         inside = (t_us >= start_us) & (t_us < start_us + 100_000)
         shown = (frames_t_us >= start_us) & (frames_t_us < start_us + 100_000)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import calibrate_confidence as calibrate
+import confidence_sights
 import numpy as np
 import pytest
 from strategies import PORT, pose
@@ -32,11 +33,11 @@ def test_a_weight_of_two_counts_as_two_poses():
 
 
 def test_misplaced_poses_are_ten_degrees_off_or_have_another_yaw():
-    turned = calibrate.misplaced(T0, PORT)
+    turned = confidence_sights.misplaced(T0, PORT)
     away = [rotation_angle_rad(T.rotation @ T0.rotation.T) for T in turned]
-    np.testing.assert_allclose(away, [calibrate.MISPLACED_RAD] * 4 + [PORT.yaw_period_rad / 2])
+    np.testing.assert_allclose(away, [confidence_sights.MISPLACED_RAD] * 4 + [PORT.yaw_period_rad / 2])
     tilts = [np.arccos(np.clip(T.normal @ T0.normal, -1, 1)) for T in turned]
-    np.testing.assert_allclose(tilts, [calibrate.MISPLACED_RAD] * 4 + [0], atol=1e-7)
+    np.testing.assert_allclose(tilts, [confidence_sights.MISPLACED_RAD] * 4 + [0], atol=1e-7)
     assert all(T.position_m is T0.position_m or np.array_equal(T.position_m, T0.position_m) for T in turned)
 
 

@@ -8,6 +8,7 @@ import calibrate_uncertainty
 import choose_look
 import choose_thresholds
 import judge_gap
+import judged_images
 import measure_ports
 import numpy as np
 import pandas as pd
@@ -16,7 +17,6 @@ import train_spikes
 import tune_between
 import tune_fusion
 import validation_world
-import wrong_poses
 
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import load_card, weight_path
@@ -41,7 +41,7 @@ TUNED_ON = {
     "tuning/choose_thresholds.py": [*choose_thresholds.SEQUENCES, *choose_thresholds.EMPTY],
     "tuning/choose_look.py": choose_look.SEQUENCES,
     "tuning/validate_robust.py": validation_world.SEQUENCES + validation_world.PICTURES,
-    "tuning/calibrate_confidence.py": wrong_poses.SEQUENCES,
+    "tuning/calibrate_confidence.py": judged_images.SEQUENCES,
     "tuning/measure_ports.py": measure_ports.SEQUENCES,
     "lmmap photometry": photometry.TRAJECTORIES,
     "filters": [drawn_as(name) for names in dataset.SETS.values() for name in names],
@@ -82,9 +82,9 @@ def test_no_two_choices_are_made_on_the_same_sequences():
 
 
 def test_what_the_confidence_is_held_out_on_tunes_nothing():
-    held_out = {name for place, names in wrong_poses.SETS.items() if "held out" in place for name in names}
+    held_out = {name for place, names in judged_images.SETS.items() if "held out" in place for name in names}
     tuned = [name for user, names in TUNED_ON.items() if "confidence" not in user for name in names]
-    tuned += [name for place, names in wrong_poses.SETS.items() if "tuning" in place for name in names]
+    tuned += [name for place, names in judged_images.SETS.items() if "tuning" in place for name in names]
     assert len(held_out) > 20 and not held_out & set(tuned)
 
 

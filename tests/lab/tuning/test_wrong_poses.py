@@ -1,5 +1,6 @@
 """What is estimated on kept masks is what the pipeline estimates with its networks."""
 
+import judged_images
 import numpy as np
 import pytest
 import wrong_poses
@@ -38,8 +39,8 @@ def case(shown):
     """Two images; ``shown`` has the shares of the ideal masks in (N events, more events), (plain, turned)."""
     looks = []
     for k, (plain, turned) in enumerate(shown, 1):
-        looks.append(wrong_poses.Look(image(k), plain * MASKS, (plain + turned) / 2 * MASKS, T0))
-    return wrong_poses.Case("", "", "", "event", OURS.weights, looks)
+        looks.append(judged_images.Look(image(k), plain * MASKS, (plain + turned) / 2 * MASKS, T0))
+    return judged_images.Case("", "", "", "event", OURS.weights, looks)
 
 
 @pytest.mark.parametrize("weights", ["low", OURS.weights])
