@@ -8,8 +8,9 @@ from collections.abc import Mapping
 import dv_processing as dv
 
 from lmmap.recordings.aedat4 import rgb
-from lmmap.recordings.flips import flip_events, flip_frame
 from lmmap.types import EVENT, InputError
+
+from .flips import flip_events, flip_frame
 
 
 class Attached:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 
 from lmmap.recordings.stream import Stream
@@ -11,6 +12,7 @@ from lmmap.types import InputError
 
 # two cameras begin, and end, so far apart: seconds and periods of the frames
 ALIKE_S, ALIKE_PERIODS = 0.25, 1.5
+DAY_US = 86_400_000_000  # no recording is longer
 ALIKE = 0.1  # and one camera may be on alone for this share of the longer span
 
 
@@ -85,3 +87,21 @@ def doubt(events: Span | None, frames: Span | None) -> tuple[str, bool]:
 def doubt_stream(stream: Stream) -> tuple[str, bool]:
     """`doubt` of a stream's events and frames."""
     return doubt(*spans(stream))
+
+
+def check_truth(stream: Stream, name: Path) -> None:
+    """`InputError` where the truth lies outside the recording's time; ``name`` is that of the file
+    which is taken as the truth."""
+    firsts = [next((int(e["t_us"][0]) for e in stream.chunks() if len(e)), None)]
+    starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
+    if not starts_us:
+        return
+    known, (first_us, last_us) = stream.source.span_us, stream.truth.t_us[[0, -1]].tolist()
+    begin_us, end_us = min(starts_us), known[1] if known else min(starts_us) + DAY_US
+    if last_us < begin_us or first_us > max(end_us, *starts_us):
+        span = f"{first_us * 1e-6:.3f} to {last_us * 1e-6:.3f} s"
+        found = f"the truth's times are {span}, and the recording begins at {begin_us * 1e-6:.3f} s"
+        remedy = f"if both began together, add {(begin_us - first_us) * 1e-6:.6f} s to the truth's times"
+        if (guessed := stream.source.guessed) and (why := guessed.doubt(stream.camera.size_px)):
+            remedy = f"the recording's are taken as {guessed.unit}, but {why}"
+        raise InputError(f"{name}: {found}; {remedy}")

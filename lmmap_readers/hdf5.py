@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from lmmap.recordings.hdf5 import columns, dsec, frames, hdf5_file, offset_of_us, opened, stated_size_px
-from lmmap.recordings.hdf5_datasets import blocks, open_dataset, open_text
+from lmmap.recordings.hdf5_datasets import blocks, check_place, open_dataset
 from lmmap.recordings.stream import CHUNK, Source
 from lmmap.types import event_array
 
@@ -89,7 +89,7 @@ def _cameras(file: h5py.File, group: str) -> dict[str, dict]:
     for name in CALIBRATION:
         with suppress(KeyError, ValueError):
             place, numbers = f"{group}/{name}", name in CALIBRATION[:3]
-            values[name] = open_dataset(file, place, 1)[:100].tolist() if numbers else open_text(file, place)
+            values[name] = open_dataset(file, place, 1)[:100].tolist() if numbers else _text(file, place)
     return {group: values}
 
 
@@ -100,3 +100,12 @@ def _mvsec(file: h5py.File, group: str, time_unit: str | None) -> Iterator[np.nd
     for (block,) in blocks(CHUNK, rows):
         x, y, t, p = block.T
         yield event_array(microseconds(t, time_unit or "s"), x, y, p)
+
+
+def _text(group: h5py.Group, name: str) -> str:
+    """The text of a data set that holds one, in this file; raises as `open_dataset`."""
+    dataset = group[name]
+    if not isinstance(dataset, h5py.Dataset) or not h5py.check_string_dtype(dataset.dtype) or dataset.shape:
+        raise ValueError(f"{name} is no text")
+    check_place(group, dataset, name)
+    return dataset.asstr()[()]

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import cv2
 
-from lmmap.recordings.flips import flip_frame
 from lmmap.types import Camera, InputError
+
+from .flips import flip_frame
 
 ASSUMED_VIEW_DEG = 60.0  # across the longer side of the image, as many webcams have
 FIRST_IMAGE_S, SILENCE_S = 10.0, 60.0  # patience with a camera that sends nothing

@@ -22,8 +22,6 @@ from ..types import Estimate, InputError, Port, Trajectory
 from .inputs import can_be_fused, find_rig, make_estimator, open_input
 from .progress import Bar
 
-DAY_US = 86_400_000_000  # no recording is longer
-
 
 def evaluate(a: Namespace) -> None:
     """Print the errors of each camera and of both."""
@@ -31,7 +29,8 @@ def evaluate(a: Namespace) -> None:
         raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
     stream = open_input(a)
     stream = replace(stream, truth=_truth(a, stream))
-    _check_clock(a, stream)
+    if check := plugins.reader("truth_clock"):  # before anything is estimated
+        check(stream, a.truth or a.recording)
     single = (a.modality,) if a.modality in MODALITIES else MODALITIES
     estimators = {m: make_estimator(a, stream.camera, m) for m in single}
     both = single == MODALITIES and not a.as_printed and can_be_fused(stream, needed=a.modality == "fused")
@@ -62,23 +61,6 @@ def _truth(a: Namespace, stream: Stream) -> Trajectory:
     if a.recording.suffix == ".bag":
         also = f"; or from its arm, with lmmap calibrate ({plugins.INSTALL})"
     raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
-
-
-def _check_clock(a: Namespace, stream: Stream) -> None:
-    """`InputError` where the truth lies outside the recording's time, before anything is estimated."""
-    firsts = [next((int(e["t_us"][0]) for e in stream.chunks() if len(e)), None)]
-    starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
-    if not starts_us:
-        return
-    known, (first_us, last_us) = stream.source.span_us, stream.truth.t_us[[0, -1]].tolist()
-    begin_us, end_us = min(starts_us), known[1] if known else min(starts_us) + DAY_US
-    if last_us < begin_us or first_us > max(end_us, *starts_us):
-        span = f"{first_us * 1e-6:.3f} to {last_us * 1e-6:.3f} s"
-        found = f"the truth's times are {span}, and the recording begins at {begin_us * 1e-6:.3f} s"
-        remedy = f"if both began together, add {(begin_us - first_us) * 1e-6:.6f} s to the truth's times"
-        if (guessed := stream.source.guessed) and (doubt := guessed.doubt(stream.camera.size_px)):
-            remedy = f"the recording's are taken as {guessed.unit}, but {doubt}"
-        raise InputError(f"{a.truth or a.recording}: {found}; {remedy}")
 
 
 def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimate]:

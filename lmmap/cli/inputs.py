@@ -15,7 +15,7 @@ from ..pipeline.printed import PrintedEstimator
 from ..recordings.formats import open_stream
 from ..recordings.journal import recording_mark
 from ..recordings.stream import Stream
-from ..settings import MODALITIES, Settings
+from ..settings import Settings
 from ..tracking.fusion import LEAST_HZ
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS, POSE_BAGS
@@ -29,15 +29,7 @@ def open_input(a: Namespace, **options) -> Stream:
 
 def flips_of(a: Namespace) -> dict[str, str]:
     """How each camera's images are flipped."""
-    flips = {}
-    for asked in getattr(a, "flip", None) or ():
-        camera, _, flip = asked.rpartition(":")
-        for m in (camera,) if camera else MODALITIES:
-            if m in flips:
-                text = f"{m} images have the flip {flips[m]} already"
-                raise InputError(f"--flip {asked}: {text}; give one for each camera, 180 for x and y")
-            flips[m] = flip
-    return flips
+    return plugins.needed("flips", "--flip")(a.flip) if getattr(a, "flip", None) else {}
 
 
 def leave_out(a: Namespace, why: str, *names: str) -> None:

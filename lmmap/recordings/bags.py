@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -19,7 +18,6 @@ from .images import decode
 from .limits import check_image
 from .stream import Source, in_chunks, nothing
 
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 EVENTS = ("/EventArray", "/EventPacket")  # ends of the types of event messages
 PACKETS = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")  # of packed events
@@ -109,35 +107,9 @@ def read(path: Path, dialect: Dialect) -> Source | None:
     event_chunks = partial(_events, path, dialect, events) if events else nothing
     frames = partial(_frames, path, dialect, images) if images else nothing
     names = tuple(topic.name for topic in (events, images) if topic)
-    rectified = {name for name in names if re.search("[_/]rect", name)}
-    if rectified and len(rectified) < len(names):
-        text = f"{', '.join(rectified)} is rectified, and the other topic is not: one calibration serves both"
-        warnings.warn(f"{path}: {text}; estimate each camera alone, with its own --camera", stacklevel=4)
-    cameras = partial(_cameras, path, dialect, len(rectified) == len(names))
+    describe = plugins.reader("camera_infos")
+    cameras = describe(path, dialect, names) if describe else dict
     return Source(path, (events or images).size_px, event_chunks, frames, span_us, details, cameras, names)
-
-
-def _cameras(path: Path, dialect: Dialect, rectified: bool) -> dict[str, dict]:
-    """The first message of each topic of sensor_msgs/CameraInfo, and after how long it ``changes``, as
-    `Source.cameras`; cameras that are not calibrated come last.  For ``rectified`` images it is the
-    projection, without distortion."""
-    cameras, changes, last = {}, {}, {}
-    with dialect.open(path) as bag:
-        infos = [c for c in bag.connections if c.msgtype == CAMERA_INFO]
-        for connection, recorded_ns, raw in bag.messages(infos) if infos else ():
-            topic, content = connection.topic, raw[12:]  # behind the message's number and stamp
-            if last.get(topic) == content:
-                continue
-            last[topic] = content
-            info = {k.lower(): v for k, v in vars(dialect.deserialize(bag, connection, raw)).items()}
-            names = ("width", "height", "distortion_model", "binning_x", "binning_y")
-            camera = {name: info[name] for name in names} | {"roi": vars(info["roi"]), "rostopic": topic}
-            P = info["p"].reshape(3, 4)[:, :3].ravel()
-            camera |= {"k": P.tolist(), "d": []} if rectified else {n: info[n].tolist() for n in "kd"}
-            if cameras.setdefault(topic, camera) != camera:
-                changes.setdefault(topic, f"{(recorded_ns - bag.start_time) / 1e9:.3f} s")
-    order = sorted(cameras, key=lambda topic: (not any(cameras[topic]["k"]), topic))
-    return {topic: cameras[topic] | {"changes": changes.get(topic)} for topic in order}
 
 
 def _events(path: Path, dialect: Dialect, topic: Topic) -> Iterator[np.ndarray]:

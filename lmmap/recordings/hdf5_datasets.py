@@ -45,7 +45,7 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -
     if dataset.ndim not in ndims:
         raise ValueError(f"{name} of shape {dataset.shape}")
     layout = dataset.id.get_create_plist()
-    _check_place(group, dataset, name)
+    check_place(group, dataset, name)
     filters = [layout.get_filter(k)[0] for k in range(layout.get_nfilters())]
     if foreign := sorted(set(filters) - FILTERS):
         kind = "Prophesee's ECF; export the recording as RAW" if ECF in foreign else f"filter {foreign[0]}"
@@ -65,16 +65,7 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -
     return dataset
 
 
-def open_text(group: h5py.Group, name: str) -> str:
-    """The text of a data set that holds one, in this file; raises as `open_dataset`."""
-    dataset = group[name]
-    if not isinstance(dataset, h5py.Dataset) or not h5py.check_string_dtype(dataset.dtype) or dataset.shape:
-        raise ValueError(f"{name} is no text")
-    _check_place(group, dataset, name)
-    return dataset.asstr()[()]
-
-
-def _check_place(group: h5py.Group, dataset: h5py.Dataset, name: str) -> None:
+def check_place(group: h5py.Group, dataset: h5py.Dataset, name: str) -> None:
     """ValueError unless a data set lies in its group's file."""
     outside = dataset.is_virtual or dataset.id.get_create_plist().get_external_count()
     if outside or dataset.file.filename != group.file.filename:

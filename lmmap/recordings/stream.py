@@ -18,7 +18,6 @@ import numpy as np
 
 from .. import plugins
 from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
-from .flips import flip_events, flip_frame
 from .limits import check_times
 from .order import in_order
 
@@ -70,7 +69,7 @@ class Stream:
     source: Source
     truth: Trajectory | None = None
     checked: bool = True  # False: values as they are, to count their faults
-    flips: Mapping[str, str] = field(default_factory=dict)  # of ``FLIPS``, by modality
+    flips: Mapping[str, str] = field(default_factory=dict)  # by modality, as readers name them
 
     def chunks(self) -> Iterator[np.ndarray]:
         """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
@@ -78,7 +77,8 @@ class Stream:
             return self._with_file_name(timely_events(self.source.events()))
         chunks = checked_events(self.source.events(), self.camera.size_px, str(self.source.path))
         if flip := self.flips.get("event"):
-            chunks = (flip_events(chunk, flip, self.camera.size_px) for chunk in chunks)
+            flipped = plugins.needed("flip_events", self.source.path)
+            chunks = (flipped(chunk, flip, self.camera.size_px) for chunk in chunks)
         return self._with_file_name(chunks)
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
@@ -88,7 +88,8 @@ class Stream:
         frames = timely_frames(eight_bit(path, frames) if eight_bit else frames())
         frames = checked_frames(frames, self.camera.size_px) if self.checked else frames
         if flip := self.flips.get("rgb"):
-            frames = ((t_us, flip_frame(frame, flip)) for t_us, frame in frames)
+            flipped = plugins.needed("flip_frame", path)
+            frames = ((t_us, flipped(frame, flip)) for t_us, frame in frames)
         return self._with_file_name(frames)
 
     def _with_file_name(self, values: Iterator) -> Iterator:

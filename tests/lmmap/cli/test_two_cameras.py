@@ -11,7 +11,7 @@ import pytest
 from library_files import write_recording
 
 from lmmap.cli import main
-from lmmap.recordings.flips import FLIPS, flip_events, flip_frame
+from lmmap_readers.flips import FLIPS, flip_events, flip_frame
 
 R, HOUR_US = drawn.recording(5), 3_600_000_000
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
+
+from lmmap.settings import MODALITIES
+from lmmap.types import InputError
 
 FLIPS = {"x": (-1, 1), "y": (1, -1), "180": (-1, -1)}  # what columns and rows are multiplied by
 
@@ -20,3 +25,16 @@ def flip_events(events: np.ndarray, flip: str, size_px: tuple[int, int]) -> np.n
         if sign < 0:
             events[name] = size - 1 - events[name]
     return events
+
+
+def of_cameras(asked: Iterable[str]) -> dict[str, str]:
+    """The flip of each camera's images, of texts such as ``event:x``, or ``x`` for both."""
+    flips: dict[str, str] = {}
+    for text in asked:
+        camera, _, flip = text.rpartition(":")
+        for m in (camera,) if camera else MODALITIES:
+            if m in flips:
+                already = f"{m} images have the flip {flips[m]} already"
+                raise InputError(f"--flip {text}: {already}; give one for each camera, 180 for x and y")
+            flips[m] = flip
+    return flips
