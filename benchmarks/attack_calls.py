@@ -159,7 +159,7 @@ def stub() -> None:
     from lmmap_lab.cli import authors, bench
     from lmmap_lab.pages import reference
     from lmmap_lab.rig import standin
-    from lmmap_lab.studies import accuracy_run, on_authors_bags
+    from lmmap_lab.studies import accuracy_run, carry, on_authors_bags
     from lmmap_lab.training import dataset, train
 
     here = Path("derived")  # of the folder that a command runs in
@@ -170,6 +170,7 @@ def stub() -> None:
     accuracy_run.sequences_of = lambda _: ["hard-slow", "empty-0"]
     accuracy_run._tabulate = lambda profile, study: write_text(study.derived / profile / "summary.csv", "a")
     accuracy_run.reproduce = partial(accuracy_run.reproduce, study=made_up(here))
+    carry.carry = lambda report, beside=None: report(f"as beside {beside}")
     os.cpu_count = lambda: 1  # processes of joblib's would outlive ours
     standin.STAND_INS = standin.STAND_INS[:1]
     standin.sequences = SimpleNamespace(simulate=partial(sequences.simulate, camera=SMALL))

@@ -31,6 +31,16 @@ class _Once(argparse._StoreAction):
         super().__call__(parser, namespace, values, option_string)
 
 
+def _whole(text: str) -> int:
+    """An int of 64 bits; beyond it neither arrays nor random generators have one."""
+    try:
+        if abs(number := int(text)) < 2**63:
+            return number
+    except ValueError:
+        pass
+    raise argparse.ArgumentTypeError(f"expected a whole number of 64 bits, got {text:.30}")
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that takes each option once and no empty value; a mistake is one line."""
 
@@ -38,6 +48,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **options)
         for name in (None, "store"):
             self.register("action", name, _Once)
+        self.register("type", int, _whole)
 
     def _get_values(self, action, words: list[str]):
         if "" in words and action.nargs != argparse.PARSER:  # a subcommand's parser looks for it itself

@@ -124,7 +124,11 @@ class Journal:
             self._file.write(head)
             return
         # what a run left that was killed goes; and no mark stands beside another run's lines
-        for path in (self._part, _mark_of(self._part), _mark_of(self.kept_in)):
+        ours = self._part, _mark_of(self._part), _mark_of(self.kept_in)
+        for path in (*ours, _mark_of(self._target)):
+            if os.path.lexists(path) and not (path.is_file() or path.is_symlink()):
+                raise InputError(f"{path}: is no file of ours; move it away, or give another output")
+        for path in ours:
             path.unlink(missing_ok=True)
         if self._made_of is not None:
             write_text(_mark_of(self.kept_in), as_mark(self._made_of))

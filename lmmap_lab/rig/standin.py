@@ -95,8 +95,10 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
     values = [float(v) for v in (*T.position_m, *T.quaternion_xyzw)]
     document = {"parameters": about, "transformation": dict(zip(names, values, strict=True))}
     text = yaml.safe_dump(document)
-    if os.path.lexists(path) and read_text(path, 2**16) != text:
-        raise InputError(f"{path}: is not ours to replace; move it away, or give another folder")
+    if os.path.lexists(path):
+        if read_text(path, 2**16) != text:
+            raise InputError(f"{path}: is not ours to replace; move it away, or give another folder")
+        return
     with atomic(path) as temporary:
         temporary.write_text(text)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from lmmap.files import atomic
 from lmmap.pipeline.weights import FILTERS
+from lmmap.recordings.stream import input_errors
 from lmmap.settings import PAPER
 from lmmap.types import Port, Recording
 
@@ -142,7 +143,8 @@ def make_samples(
 
 @lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
 def _memory_map(path: Path) -> np.ndarray:
-    return np.load(path, mmap_mode="r")
+    with input_errors(path, "damaged samples", "delete their folder, which is then made anew"):
+        return np.load(path, mmap_mode="r")
 
 
 class Samples:

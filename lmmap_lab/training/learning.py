@@ -10,6 +10,7 @@ import torch
 
 from lmmap.pipeline.network import CHANNELS, FilterNet
 from lmmap.pipeline.weights import load_card, load_filter, weight_path
+from lmmap.types import InputError
 
 from ..provenance import commit
 from .recipe import Recipe
@@ -32,7 +33,12 @@ def untrained(recipe: Recipe, prior: float) -> FilterNet:
     """The network that a recipe begins with."""
     net = seeded(recipe, FilterNet, CHANNELS[recipe.modality], prior, recipe.widths, recipe.depthwise)
     if recipe.start_from:
-        net.load_state_dict(load_filter(shipped(recipe, recipe.start_from), recipe.modality).state_dict())
+        first = load_filter(shipped(recipe, recipe.start_from), recipe.modality)
+        try:
+            net.load_state_dict(first.state_dict())
+        except RuntimeError:
+            text = f"its networks are not of the widths of {recipe.domain_gap}; start from another set"
+            raise InputError(f"--start-from {recipe.start_from}: {text}") from None
     return net
 
 

@@ -179,6 +179,9 @@ def test_check_lists_what_is_usable(folder, tmp_path, capsys):
     write_arm(other / "light__hard.bag")
     (other / "normal__test.bag").write_bytes(bag.read_bytes())
     standin.write_hand_eye(tmp_path / authors_bags.HAND_EYE)
+    written = (tmp_path / authors_bags.HAND_EYE).stat()
+    standin.write_hand_eye(tmp_path / authors_bags.HAND_EYE)
+    assert (tmp_path / authors_bags.HAND_EYE).stat() == written  # what is there already is not written anew
     code, out, _ = run(capsys, "dataset", "check", tmp_path, "--json")
     problems = {Path(row["bag"]).stem: row["problem"] for row in json.loads(out)}
     assert code == 0 and problems["normal__test"] == ""

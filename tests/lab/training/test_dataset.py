@@ -7,6 +7,7 @@ from lmmap.pipeline.histograms import histogram
 from lmmap.pipeline.weights import DOMAIN_GAPS, WEIGHTS, load_card
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
+from lmmap.types import InputError
 from lmmap_lab.bench import labels, laboratory, varied
 from lmmap_lab.provenance import DATA
 from lmmap_lab.training import dataset
@@ -119,3 +120,12 @@ def test_processes_make_what_one_process_makes(tmp_path):
     assert len(paths) == 4
     for path in paths:
         assert np.array_equal(np.load(path), np.load(tmp_path / "two" / names[0] / path.name))
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", 300])
+def test_damaged_samples_are_one_line(tmp_path, content):
+    path = tmp_path / "event.npy"
+    np.save(path, np.zeros(999))
+    path.write_bytes(path.read_bytes()[:content] if isinstance(content, int) else content)
+    with pytest.raises(InputError, match=r"event\.npy: damaged samples .*; delete their folder"):
+        dataset._memory_map(path)

@@ -182,6 +182,8 @@ def test_a_run_may_start_from_other_weights(toy):
     )
     assert all(torch.equal(first[k], last[k]) for k in first)
     assert weights.load_card(path)["command"].endswith("--start-from low")
+    with pytest.raises(InputError, match=r"--start-from low: .* widths of robust; start from another set"):
+        learning.untrained(replace(recipe, width=0.5), 0.1)
 
 
 class TinyNet(torch.nn.Conv2d):

@@ -62,6 +62,9 @@ def test_every_option_is_given_once_and_not_empty(capsys):
             for none in ("", "--"):
                 err = mistake(capsys, *words, f"{option}={none}" if option[1] == "-" else f"{option}{none}")
                 assert re.search("is empty|is --|invalid|expected", err), option
+            if action.type is int:
+                err = mistake(capsys, *words, f"{option}={'9' * 400}")
+                assert "expected a whole number of 64 bits, got 999" in err, option
             tried += 1
     assert tried > 40
 

@@ -1,6 +1,8 @@
 """Laws of the journal: it holds what `write_estimates` or `write_trajectory` would, and goes on anywhere."""
 
+import os
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,3 +111,14 @@ def test_what_cannot_be_gone_on_with(tmp_path):
         Journal(tmp_path / "no" / "p.csv")
     with pytest.raises(ValueError, match="format"):
         Journal(tmp_path / "p.csv", "json")
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir])
+@pytest.mark.parametrize("name", ["p.csv.made-of", "p.csv.lmmap-part", "p.csv.lmmap-part.made-of"])
+def test_what_is_no_file_stays_beside_the_output(tmp_path, name, make):
+    (tmp_path / "p.csv").write_text("older")
+    make(tmp_path / name)
+    journal, refused = Journal(tmp_path / "p.csv", made_of={}), f"{name}: is no file of ours"
+    with pytest.raises(InputError, match=refused), journal:
+        journal.add(Estimate(1, Status.NO_RING))
+    assert not (tmp_path / name).is_file() and (tmp_path / "p.csv").read_text() == "older"
