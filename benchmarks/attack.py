@@ -1,4 +1,4 @@
-"""Attack every command and argument that the parser lists, and count what is answered.
+"""Attack every command and argument that the parser lists, and count the answers by kind.
 
     python benchmarks/attack.py [--count N] [--seed S] [--only KINDS] [--commands NAMES] [--table FILE]
 
@@ -48,8 +48,8 @@ COLUMNS = ["kind", "command", "attacks", "done", "refused", "usage", "faults", "
 
 
 def warm_up() -> None:
-    """Import what commands import when they run, and load the shipped networks, so that a forked process need
-    not; in the place of each set the lightest."""
+    """Import everything that commands import lazily and load the lightest networks in place of every set, so
+    that forked processes need not."""
     import lmmap_lab.cli.authors
     import lmmap_lab.studies.odometry_files  # noqa: F401
     from lmmap.pipeline import image_estimator
@@ -61,7 +61,7 @@ def warm_up() -> None:
 
 
 def attacked(count: int, seed: int, kinds=(), commands=()) -> Iterator[tuple]:
-    """Each attack with the command's answer and what is wrong."""
+    """Yield each attack with the command's answer and its fault, if any."""
     warm_up()
     attack_calls.stub()
     rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def attacked(count: int, seed: int, kinds=(), commands=()) -> Iterator[tuple]:
 
 
 def table(answered: list[tuple]) -> pd.DataFrame:
-    """Attacks, exits, faults, most memory and longest time of each kind and command."""
+    """Number of attacks, exit codes and faults, peak memory and longest time by kind and command."""
     rows = [
         (t.kind, t.call.name, 1, *(a.code == k for k in range(3)), bool(fault), a.bytes / 2**20, a.seconds)
         for t, a, fault in answered

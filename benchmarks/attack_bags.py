@@ -1,4 +1,4 @@
-"""Bags that each break one promise of their format."""
+"""Bags that each violate their format in one way."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from backports import zstd
 
 
 def directed_bags(files: dict, folder: Path) -> None:
-    """Bags whose one chunk inflates to more than is allowed, or says that it does."""
+    """Bags with one chunk that inflates beyond the limit, or claims to."""
 
     def fields(**values: bytes) -> bytes:
         pairs = (name.encode() + b"=" + value for name, value in values.items())
@@ -101,7 +101,7 @@ _METADATA = """rosbag2_bagfile_information:
 
 
 def _mcap(packed: bytes, compression: str, size: int, times: int = 1) -> bytes:
-    """A file of one chunk, which its index names so many times."""
+    """An MCAP file of one chunk, which its index lists ``times`` times."""
 
     def text(value: str) -> bytes:
         return struct.pack("<I", len(value)) + value.encode()

@@ -1,4 +1,4 @@
-"""Sound calls of every command, and the arguments of each, as the parser lists them."""
+"""Valid calls of every command, with the arguments that the parser lists for it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lmmap.types import EVENT, Camera, Recording
 SMALL = Camera(64, 48, 324.0, 324.0, 31.5, 23.5)
 BLANK = np.empty(0, EVENT), np.zeros((1, 48, 64, 3), np.uint8), np.zeros(1, np.int64)
 
-# a command that has no line is called with what it requires, `VALUES`
+# commands without a line are called with their required arguments, from `VALUES`
 LINES = """
 info r.h5
 info rig/normal__train.bag --camera camchain.yaml --json
@@ -71,14 +71,14 @@ VALUES = {"recording": "r.h5", "modality": "rgb", "output": "out.csv"}
 
 
 class Call(NamedTuple):
-    """A command's names, its parser's arguments, and which of them have which values."""
+    """A command's name, its parser's arguments, and the values given to them."""
 
     name: str
     actions: list[argparse.Action]
     given: list[tuple[argparse.Action, list[str]]]
 
     def argv(self, *more: tuple[argparse.Action, list[str]]) -> list[str]:
-        """The words of the call; ``more`` are values in place of those given, or besides them."""
+        """The call's words, with the values of ``more`` replacing or joining those given."""
         changed = {id(action) for action, _ in more}
         given = [(a, values) for a, values in self.given if id(a) not in changed] + [*more]
         options = [word for a, values in given if a.option_strings for word in _words(a, values)]
@@ -87,7 +87,7 @@ class Call(NamedTuple):
         return [*self.name.split(), *(value for _, values in places for value in values), *options]
 
     def value(self, action: argparse.Action) -> str | None:
-        """Its first value in the sound call."""
+        """An argument's first value in the call."""
         return next((values[0] for a, values in self.given if a is action and values), None)
 
     def action(self, dest: str) -> argparse.Action | None:
@@ -95,7 +95,7 @@ class Call(NamedTuple):
 
     @property
     def output(self) -> str | None:
-        """What the sound call names as its output."""
+        """The output that the call names."""
         named = (vs[0] for a, vs in self.given if a.dest in ("output", "folder", "as_published") and vs)
         return next((v for v in named if v.startswith("out")), None)
 
@@ -105,13 +105,13 @@ class Call(NamedTuple):
 
 
 def _words(action, values: list[str]) -> list[str]:
-    """An option and its values; joined where a value looks like an option."""
+    """An option and its values; a single value is joined to it, since it could look like an option."""
     name = action.option_strings[-1]
     return [f"{name}={values[0]}"] if len(values) == 1 else [name, *values]
 
 
 def calls() -> list[Call]:
-    """Every line of `LINES`, and a call of each command that has none."""
+    """Every line of `LINES`, and a minimal call of each remaining command."""
     parsers = dict(_commands(parser(), ""))
     found = [_parsed(shlex.split(line), parsers) for line in LINES.strip().splitlines()]
     lacking = sorted(parsers.keys() - {call.name for call in found})
@@ -151,7 +151,7 @@ def _required(name: str, actions: list[argparse.Action]) -> Call:
 
 
 def stub() -> None:
-    """Put something short in the place of what takes the laboratory minutes; networks learn at once."""
+    """Replace what takes minutes by something short, and accept whatever networks learn."""
     from test_accuracy_run import made_up
 
     from lmmap_lab.adaptation import adapt, guard, learning, self_labels

@@ -1,4 +1,4 @@
-"""What has to be true of every answer to an attack, and of the folder that it leaves."""
+"""Check every answer to an attack, and the folder that it leaves."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Attack(NamedTuple):
 
 
 def snapshot(folder: Path, hashed: bool = False) -> dict[str, tuple]:
-    """What is below a folder by its name: its kind, and what it links to, stands for or holds; of a file time
-    and place tell whether it was written, a hash whether it is the same."""
+    """Everything below a folder by name: its kind, and its link target, device number or content.  For a file
+    that is its inode and time, which tell whether it was written, or with ``hashed`` its hash."""
     found = {}
     for path in folder.rglob("*"):
         facts = path.lstat()

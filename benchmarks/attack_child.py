@@ -1,4 +1,4 @@
-"""One command in a forked process: under limits, watched at every file that it opens, and killed if asked."""
+"""Run one command in a forked process, with limits, watch the files that it opens, and kill it if asked."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ OUTSIDE, NOBODY, PIPE_BYTES = 98, 65534, 2**20
 
 
 class Answer(NamedTuple):
-    """Exit code (negative: a signal), stderr, memory above the idle process, processor and real time, files
-    below the folder that were read, number of writes, and arguments that the command looked at."""
+    """Exit code (negative: a signal), stderr, memory beyond that of the idle process, CPU and wall time,
+    files read below the folder, number of writes, and arguments that the command used."""
 
     code: int
     err: str
@@ -52,7 +52,7 @@ class Answer(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """What is wrong with it whatever was asked, or nothing."""
+        """The fault of an answer that no command may give, or nothing."""
         lines = [line for line in self.err.splitlines() if line.strip()]
         last = lines[-1][:300] if lines else ""
         if "Traceback" in self.err or "Exception ignored" in self.err:
@@ -95,12 +95,12 @@ class Watch:
 
 
 def used_bytes(which: int) -> int:
-    """Memory of this process: all that it may address (0), or what is in use now (1)."""
+    """Memory of this process: its address space (0) or its resident set (1)."""
     return int(Path("/proc/self/statm").read_text().split()[which]) * resource.getpagesize()
 
 
 def _worked(process: int) -> list[str]:
-    """Time that a process has had of the processor."""
+    """CPU time of a process."""
     return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
 
 
@@ -109,8 +109,9 @@ def answer(argv: list[str], folder: Path, *, kill_at: int | None = None, kill_af
            nobody: bool = False) -> Answer:  # fmt: skip
     """Run ``lmmap`` in a folder.
 
-    It is killed before its write ``kill_at``, or after some time.  ``stdout`` is a file's name; None: closed.
-    No file may have over ``most_bytes``, as on a full disk.  ``nobody`` is a user to whom permissions apply.
+    It is killed before its write number ``kill_at``, or after ``kill_after_s``.  ``stdout`` is a file name;
+    None closes it.  Files cannot grow beyond ``most_bytes``, as on a full disk.  ``nobody`` runs it as a user
+    without root's permissions.
     """
     sys.stdout.flush()
     began = time.monotonic()

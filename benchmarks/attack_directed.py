@@ -1,4 +1,4 @@
-"""Files that each break one promise of their format: bombs, devices, absurd counts, sizes and times."""
+"""Files that each violate their format in one way: bombs, devices, absurd counts, sizes and times."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def directed_files(folder: Path) -> dict[str, Path]:
 
 
 def _deflated_zeros(count: int) -> bytes:
-    """At least so many zeros as a deflated stream, made of equal blocks; its checksum is not theirs."""
+    """A deflated stream of at least ``count`` zeros, made of equal blocks; its checksum is wrong."""
     packer = zlib.compressobj(9)
     first, block = (packer.compress(bytes(2**24)) + packer.flush(zlib.Z_FULL_FLUSH) for _ in range(2))
     return first + block * (count // 2**24) + packer.flush()

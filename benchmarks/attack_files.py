@@ -1,4 +1,4 @@
-"""Attacks by files: a name that is something else, and files that are damaged, full or half written."""
+"""Attacks by files: names of something else, and files that are damaged, half written or on a full disk."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ ELSEWHERE = {"long name": "n" * 300, "no folder": "absent/it", "below a file": "
 
 
 def things(call: Call) -> Iterator[tuple]:
-    """Every argument that is a file, being something else; with and without ``--overwrite``."""
+    """Replace each file argument by something else, with and without ``--overwrite``."""
     for action in filter(is_path, call.actions):
         is_output = call.output is not None and call.value(action) == call.output
         for thing in (t for t in THINGS if t != "own" or is_output):
@@ -80,7 +80,7 @@ def run_thing(attack: Attack, folder: Path, rng) -> Outcome:
 
 
 def swaps(call: Call) -> list[tuple]:
-    """Every argument that is a file, being another one."""
+    """Replace each file argument by another file."""
     return [(action, "another") for action in call.actions if is_path(action)]
 
 
@@ -99,7 +99,7 @@ _kills: collections.Counter = collections.Counter()
 
 
 def unbroken(call: Call, folder: Path) -> tuple[dict, Answer]:
-    """What a call leaves in a folder of its own, and its answer; made once."""
+    """What a call leaves in a folder of its own, and its answer; cached."""
     name = " ".join(call.argv())
     if name not in UNBROKEN:
         whole = shutil.copytree(folder.with_name("sound"), folder.with_name("whole"))
@@ -110,7 +110,7 @@ def unbroken(call: Call, folder: Path) -> tuple[dict, Answer]:
 
 
 def again(call: Call) -> list[list[str]]:
-    """How a call may be given once more: as it is, and with the options that then are for it."""
+    """Ways to repeat a call: unchanged, and with ``--resume`` or ``--overwrite`` where it has them."""
     more = [a for a in (call.action("resume"), call.action("overwrite")) if a]
     return [call.argv(), *(call.argv((a, [])) for a in more)]
 
@@ -122,13 +122,13 @@ OUTPUT = " output"
 
 
 def damages(call: Call) -> list[tuple]:
-    """A change or another kind of file, of what the command reads and of what it left; changes most often."""
+    """Change or replace a file that the command reads or left; change it most often."""
     outputs = ("", OUTPUT)[: 2 if call.output else 1]
     return [(None, how + output) for how in (*["changed"] * 4, *DAMAGE) for output in outputs]
 
 
 def run_damaged(attack: Attack, folder: Path, rng) -> Outcome:
-    """A file that the command reads, or that it left before, changed or replaced; then the command anew."""
+    """Change or replace a file that the command reads or has left, then run the command again."""
     call, (how, output, _) = attack.call, attack.how.partition(OUTPUT)
     (left, whole), before = unbroken(call, folder), snapshot(folder)
     if output:
@@ -157,7 +157,7 @@ def run_damaged(attack: Attack, folder: Path, rng) -> Outcome:
 
 
 def run_killed(attack: Attack, folder: Path, rng) -> Outcome:
-    """Killed before a write, or at some moment, once or twice; then run until it ends."""
+    """Kill the command before a write or at a random time, once or twice, then run it to its end."""
     call = attack.call
     (left, whole), before, steps = unbroken(call, folder), snapshot(folder), []
     if not whole.writes or whole.code:
@@ -184,7 +184,7 @@ def run_killed(attack: Attack, folder: Path, rng) -> Outcome:
 
 
 def disturbances(call: Call) -> Iterator[tuple]:
-    """A full disk, also over an older output, and a standard output that is full or closed."""
+    """A full disk, also with an older output, and a full or closed standard output."""
     overs = ("", OVER) if call.action("overwrite") and call.output else ("",)
     yield from ((None, f"{size} bytes of disk{over}") for size in (1, 300, 5000, 60_000) for over in overs)
     yield from ((None, f"stdout {how}") for how in ("full", "closed"))

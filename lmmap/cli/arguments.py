@@ -77,7 +77,7 @@ def _estimate(commands: Commands) -> None:
     commands.add_file(command, "--rerun", help="file to write for the Rerun viewer, .rrd; needs rerun-sdk")
     command.add_argument("--track", action="store_true", help="look where earlier images predict the port")
     _add_between(command, "with --track")
-    text = "let the networks learn the place from so much of the recording's beginning; needs the laboratory"
+    text = "let the networks learn the place from this many seconds of the recording; needs the laboratory"
     command.add_argument("--adapt", type=float, metavar="SECONDS", help=text)
     text = "go on with an interrupted --output; OUTPUT.made-of beside it says what it was made of"
     command.add_argument("--resume", action="store_true", help=text)
@@ -126,7 +126,7 @@ def _live(commands: Commands) -> None:
     command.add_argument("--view", action="store_true", help="show the images in a page on this computer")
     commands.add_output(command, "poses to write as well (CSV, or by the name's end .tum, .bag, .mcap)")
     _add_frames(command)
-    command.add_argument("--seconds", type=float, help="end after so many seconds")
+    command.add_argument("--seconds", type=float, help="stop after this many seconds")
     _add_between(command, "with --modality event")
     command.add_argument("--json", action="store_true", help="print a line of JSON for each pose")
 
@@ -144,7 +144,7 @@ def _add_frames(command) -> None:
 
 
 def _add_between(command, when: str) -> None:
-    text = f"{when}: follow the port by its events between images too, so many poses a second"
+    text = f"{when}: also follow the port by its events between images, at this rate of poses"
     command.add_argument("--between", type=float, metavar="HZ", help=text)
 
 

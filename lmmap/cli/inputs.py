@@ -129,7 +129,7 @@ def check_between(a: Namespace) -> None:
 
 
 def check_rate(name: str, rate_hz: float | None, what: str) -> None:
-    """Whether so many a second can be had."""
+    """`InputError` for a rate beyond what the tracker can deliver."""
     if rate_hz is not None and not LEAST_HZ <= rate_hz < 1e4:
         raise InputError(
             f"{name} {rate_hz:g}: give a number of {what} per second between {LEAST_HZ:g} and 1e4"

@@ -125,7 +125,7 @@ def _estimate_live(a: Namespace, device, estimator) -> int:
 
 
 class _Between:
-    """Takes events as they come, and tells the pose so many times a second while there is a track."""
+    """Takes events as they arrive, and reports poses at a fixed rate while there is a track."""
 
     def __init__(self, tracker: Tracker, rate_hz: float, tell: Callable[[Estimate, int], object]):
         self._tracker, self._period_us, self._tell = tracker, 1e6 / rate_hz, tell

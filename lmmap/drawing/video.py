@@ -1,4 +1,4 @@
-"""Videos, picture by picture."""
+"""Write videos frame by frame."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's 
 
 
 class Video:
-    """A video that grows picture by picture; use it in ``with``.
+    """A video written frame by frame in a ``with`` block.
 
-    An error or an interruption ends it after its last picture, or leaves an older video of this name.
+    After an error or an interruption it holds the frames so far, unless there was an older video: that stays.
 
     Parameters
     ----------
     path
-        Its name, which ends in .mp4 or .avi.
+        Its file name, ending in .mp4 or .avi.
 
     Raises
     ------
     InputError
-        For a name that ends otherwise, and what cannot be written.
+        If the name ends otherwise, or the file cannot be written.
     """
 
     def __init__(self, path: Path):
@@ -39,7 +39,7 @@ class Video:
         self.path, self._part, self._writer, self._pictures = path, path, None, 0
 
     def add(self, picture: np.ndarray, rate_hz: float) -> None:
-        """Write the next picture (H, W, 3) u8 RGB; the first one sets size and rate."""
+        """Write the next frame (H, W, 3) u8 RGB; the first one sets size and rate."""
         if self._writer is None:
             self._part = self._held.enter_context(atomic(self.path, keep=True))
             fourcc, size_px = cv2.VideoWriter_fourcc(*CODECS[self.path.suffix.lower()]), picture.shape[1::-1]
@@ -50,13 +50,13 @@ class Video:
         self._pictures += 1
 
     def _end(self) -> None:
-        """`OSError` unless the video holds all its pictures; OpenCV is silent on a full disk."""
+        """Close the video; `OSError` if frames are missing, since OpenCV does not report a full disk."""
         if self._writer is None:
             return
         self._writer.release()
         whole = cv2.VideoCapture(str(self._part), cv2.CAP_FFMPEG)
         if whole.get(cv2.CAP_PROP_FRAME_COUNT) != self._pictures:
-            raise OSError(errno.ENOSPC, "not all pictures")
+            raise OSError(errno.ENOSPC, "frames are missing")
 
     def __enter__(self):
         self._held = ExitStack()

@@ -1,4 +1,4 @@
-"""From a recording or a device to images in order: frames, or histograms of its events."""
+"""Images of a recording or a device in time order: frames, or histograms of events."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .windows import windows_at, windows_of
 
 
 class TimedImage(NamedTuple):
-    """An image with its time; of events also the time and histogram of a wider window, or None."""
+    """An image and its time; for events also the time and histogram of a wider window, or None."""
 
     t_us: int
     image: np.ndarray
@@ -25,19 +25,19 @@ class TimedImage(NamedTuple):
 
     @property
     def times_us(self) -> set[int]:
-        """The times that an estimate of it may have."""
+        """The times that an estimate from it can have."""
         return {self.t_us} | ({self.wider[0]} if self.wider else set())
 
 
 def timed_images(
     recording: AnyRecording, modality: str, settings: Settings | None = None, rate_hz: float | None = None
 ) -> Iterator[TimedImage]:
-    """The images of a recording in the order of time, read as the recording streams.
+    """Yield the images of a recording in time order, reading it as a stream.
 
     For ``"rgb"`` they are the frames.  For ``"event"`` they are histograms of N events each or, at
-    ``rate_hz``, of the last N events before each tick; a histogram's time is the middle of its events' span.
-    A wider histogram comes with it once enough events have come, unless its time is not after that of the
-    image before.  ``settings`` default to `settings_for` the recording's camera.
+    ``rate_hz``, of the last N events before each tick; a histogram's time is the midpoint of its events'
+    span.  Once there are enough events, a wider histogram comes with it, provided that it is later than the
+    previous image.  ``settings`` default to `settings_for` the recording's camera.
     """
     if modality == "rgb":
         yield from _frames(recording, rate_hz)
@@ -54,7 +54,7 @@ def timed_images(
 
 
 def _frames(recording: AnyRecording, rate_hz: float | None) -> Iterator[TimedImage]:
-    """Every frame or, at ``rate_hz``, the first frame in each period; a millisecond early is in time."""
+    """Every frame or, at ``rate_hz``, the first frame of each period; frames may be a millisecond early."""
     period_us = 1e6 / rate_hz if rate_hz else 0
     due_us = -np.inf
     for t_us, frame in recording.timed_frames():
@@ -64,7 +64,7 @@ def _frames(recording: AnyRecording, rate_hz: float | None) -> Iterator[TimedIma
 
 
 def images(*args, **options) -> Iterator[tuple[int, np.ndarray]]:
-    """``(t_us, image)`` of each of `timed_images`, which has the same arguments."""
+    """Yield ``(t_us, image)`` of `timed_images`, with the same arguments."""
     return ((timed.t_us, timed.image) for timed in timed_images(*args, **options))
 
 
@@ -76,13 +76,13 @@ def newest_images(
     seconds: float | None = None,
     take_events: Callable[[np.ndarray], None] | None = None,
 ) -> Iterator[tuple[TimedImage, int, int]]:
-    """The newest frame of a device, or the histogram of its newest N events, as ``settings`` have it, once so
-    many are new, as long as it runs, or for so many seconds; with it the time of its newest event (us), and
-    how many images were skipped before it.
+    """Yield a device's newest frame, or a histogram of its newest N events each time N new ones have arrived,
+    until the device stops or ``seconds`` have passed.  With each image come the time of its newest data (us)
+    and the number of images skipped before it.
 
-    Nothing queues: what could not be looked at in time is counted as skipped, so that a slow machine answers
-    late for few images, not later and later for all.  ``take_events`` is called with all events (M,) that
-    have come, before an image is made of them.
+    Nothing queues: images that arrive while we are busy are skipped and counted, so on a slow machine the
+    latency stays bounded.  ``settings`` give N.  ``take_events`` receives all new events (M,) before they
+    become an image.
     """
     recent, fresh, before_us = np.zeros(0, EVENT), 0, None
     count, factor = settings.events_per_window, settings.second_look_factor

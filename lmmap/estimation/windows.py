@@ -1,4 +1,4 @@
-"""A stream of events, cut into windows whatever its chunks."""
+"""Cut a stream of events into windows, independently of its chunks."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..settings import PAPER
 from ..tracking.fusion import LEAST_HZ, MOST_HZ
 from ..types import EVENT, check_number, concatenate_events
 
-LONG_GAP_S = 10.0  # without an event: longer, and it is named
-FEW = 1000  # images of a chunk: so many are never too many
+LONG_GAP_S = 10.0  # a longer time without events is worth a warning
+FEW = 1000  # images from one chunk; up to this number we never warn
 
 
 def windows_of(
     chunks: Iterable[np.ndarray], count: int = PAPER.events_per_window, times: int = 1
 ) -> Iterator[np.ndarray]:
-    """`histograms.windows` of a stream, whatever the chunks: yields exactly ``count`` events at a time, and
-    before them those that came before, up to ``times`` as many in all."""
+    """Yield `histograms.windows` of a stream: exactly ``count`` new events at a time, preceded by older ones
+    up to ``times * count`` events in all."""
     check_count(count)
     recent, seen = np.zeros(0, EVENT), 0
     for chunk in chunks:
@@ -35,12 +35,11 @@ def windows_of(
 def windows_at(
     chunks: Iterable[np.ndarray], rate_hz: float, count: int = PAPER.events_per_window, times: int = 1
 ) -> Iterator[np.ndarray]:
-    """`histograms.windows_before` of a stream at ticks of ``rate_hz`` between its first and last event, and
-    before their events those that came before, up to ``times`` as many in all.
+    """Yield `histograms.windows_before` of a stream at ticks of ``rate_hz`` between its first and last event,
+    each preceded by older events up to ``times * count`` in all.
 
-    A tick without a new event since the one before has no window of its own and is passed over, so that a
-    gap takes no time however long it is; a warning names the first of over `LONG_GAP_S`.  Another one says
-    that there are about as many images as events.
+    Ticks with no new event since the previous one are skipped, so a gap takes no time however long it is.
+    Warns of the first gap over `LONG_GAP_S`, and if there are nearly as many images as events.
     """
     check_count(count)
     check_number("rate_hz", rate_hz, LEAST_HZ, MOST_HZ)
@@ -66,13 +65,13 @@ def windows_at(
                 warned = True
                 warnings.warn(f"no events for {(next_us - tick_us) * 1e-6:.0f} s after {tick_us} us; "
                               "going on behind the gap", stacklevel=2)  # fmt: skip
-        # a coming tick is no earlier than the last event
+        # the next tick is not before the last event
         recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - times * count) :]
 
 
 def _images(after_us: np.ndarray, rate_hz: float) -> int:
-    """How many ticks, counted from 0 us, have an event of their own among events (M,) in order; of at most
-    `FEW` only a bound."""
+    """Count the ticks, from 0 us on, that have a new event among the sorted times (M,); up to `FEW`, return
+    an upper bound instead."""
     per_us = rate_hz / 1e6
     if (bound := int((after_us[-1] - after_us[0]) * per_us) + 1) <= FEW:
         return bound
@@ -80,7 +79,7 @@ def _images(after_us: np.ndarray, rate_hz: float) -> int:
 
 
 def _first_tick_after(elapsed_us: int, tick: int, rate_hz: float) -> int:
-    """The first tick, not before ``tick``, that is later than a time after the first event."""
+    """The first tick from ``tick`` on that is more than ``elapsed_us`` after the first event."""
     tick = max(tick, int(elapsed_us * rate_hz / 1e6) - 1)
     while int(tick * 1e6 / rate_hz) <= elapsed_us:
         tick += 1

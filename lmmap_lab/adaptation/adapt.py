@@ -61,7 +61,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     weights, port
         As `Estimator`.
     seconds
-        Learn from so much of the recording's beginning; default: from all of it.
+        Learn from the recording's first seconds; by default from all of it.
     report
         Called with a line for each camera.
 

@@ -58,7 +58,7 @@ def adapt(commands: Commands) -> None:
     networks.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
     text = "mask networks of your own to begin with"
     networks.add_argument("--weights", metavar="FOLDER", help=text)
-    text = "learn from so much of the recording's beginning (default: all)"
+    text = "learn from this many seconds of the recording (default: all)"
     command.add_argument("--seconds", type=float, help=text)
     text = "of each network (default: %(default)s)"
     command.add_argument("--steps", type=int, default=ADAPT_STEPS, help=text)
