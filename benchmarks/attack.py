@@ -40,10 +40,10 @@ import pandas as pd
 from attack_checks import snapshot
 from attack_directed import directed_files
 
-from lmmap.cli.choices import DOMAIN_GAPS, MODALITIES
+from lmmap.cli.choices import MODALITIES, SETS
 from lmmap_lab.provenance import save_table
 
-LIGHTER = dict.fromkeys(DOMAIN_GAPS, "light")
+LIGHTER = dict.fromkeys(SETS, "slim")
 COLUMNS = ["kind", "command", "attacks", "done", "refused", "usage", "faults", "most_mb", "longest_s"]
 
 
@@ -57,7 +57,7 @@ def warm_up() -> None:
     load = functools.cache(image_estimator.load_networks)
     image_estimator.load_networks = lambda weights, *facts: load(LIGHTER.get(str(weights), weights), *facts)
     for modality in MODALITIES:
-        load("light", modality, "auto")
+        load("slim", modality, "auto")
 
 
 def attacked(count: int, seed: int, kinds=(), commands=()) -> Iterator[tuple]:

@@ -65,7 +65,7 @@ simulate --sequence realistic-7 --seconds 0.2 --camera small.json -o out.h5
 simulate --sequence realistic-7 --seconds 0.2 --camera small.json -o out.bag
 simulate --sequence realistic-7 --seconds 0.2 --camera small.json -o out.aedat4
 simulate --as-published out --seconds 0.2
-train --filter ring --modality event --domain-gap low --steps 1
+train --filter ring --modality event --networks low --steps 1
 """
 VALUES = {"recording": "r.h5", "modality": "rgb", "output": "out.csv"}
 

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from lmmap.pipeline import ellipse
-from lmmap.pipeline.weights import DOMAIN_GAPS, load_networks
+from lmmap.pipeline.weights import SETS, load_networks
 from lmmap.settings import OURS
 from lmmap.types import Camera, Ellipse, Port
 from lmmap_lab.provenance import DATA, load_json, save_json, save_table
@@ -35,7 +35,7 @@ DRAWN = 60  # grey levels by which the green of the authors' lines exceeds red a
 
 def main(folder: Path, *names: str) -> None:
     what = pd.read_csv(DATA / "paper" / "pictures.csv").set_index("picture")
-    networks = {m: {gap: load_networks(gap, m, "float32") for gap in DOMAIN_GAPS} for m in ("rgb", "event")}
+    networks = {m: {gap: load_networks(gap, m, "float32") for gap in SETS} for m in ("rgb", "event")}
     rows, outlines = kept(names)
     for name, picture in pictures(folder):
         if name in (names or what.index):

@@ -37,12 +37,12 @@ def recipes(steps: int, filters=FILTERS, modalities=tuple(CHANNELS)) -> dict[str
         kind = f"{name}-{modality}"
         for size, change in SIZES.items():
             same = {"width": 1.0, "steps": steps} | change
-            found[f"{kind}-{size}"] = Recipe.of_shipped(name, modality, "light", **same, teacher="")
+            found[f"{kind}-{size}"] = Recipe.of_shipped(name, modality, "slim", **same, teacher="")
             if size != "1":
-                found[f"{kind}-{size}-taught"] = Recipe.of_shipped(name, modality, "light", **same)
+                found[f"{kind}-{size}-taught"] = Recipe.of_shipped(name, modality, "slim", **same)
             if size in AGAIN_SEEDS:
                 found[f"{kind}-{size}-taught-seed1"] = Recipe.of_shipped(
-                    name, modality, "light", **same, seed=1
+                    name, modality, "slim", **same, seed=1
                 )
         further = {"steps": steps, "start_from": "robust", "rate": FURTHER_RATE}
         found[f"{kind}-further"] = Recipe.of_shipped(name, modality, "robust", **further)

@@ -21,7 +21,7 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.ring import find_ring
-from lmmap.pipeline.weights import shipped_gaps
+from lmmap.pipeline.weights import shipped_sets
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
 from lmmap_lab.provenance import DATA, load_table, save_table
@@ -64,16 +64,16 @@ def main() -> None:
     parser.parse_args()
     world.make()
     table = []
-    for gap in shipped_gaps():
+    for gap in shipped_sets():
         for modality in CHANNELS:
             rows = scores(modality, Estimator(modality=modality, weights=gap))
-            table += [{"domain_gap": gap, **row} for row in rows]
+            table += [{"networks": gap, **row} for row in rows]
             print(f"{gap}, {modality}: IoU {np.mean([row['iou'] for row in rows]):.3f}", flush=True)
     path = save_table(DATA / "results" / "robust.csv", pd.DataFrame(table), sequences=world.SEQUENCES,
                       networks=set_hashes(OURS.weights),
                       pictures=world.PICTURES, near_px=NEAR_PX, near_size=NEAR_SIZE)  # fmt: skip
     wide = load_table(path).pivot_table(
-        ["iou", "found_percent"], ["modality", "filter", "condition"], "domain_gap"
+        ["iou", "found_percent"], ["modality", "filter", "condition"], "networks"
     )
     print(wide.round(2).to_string())
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from .choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, FLIPS, MODALITIES, PAPER_WEIGHTS, SHELLS, camera_or_file
+from .choices import DEFAULT_WEIGHTS, FLIPS, MODALITIES, PAPER_WEIGHTS, SHELLS, camera_or_file
 from .commands import Commands
 
 ESTIMATE = """examples:
@@ -166,6 +166,6 @@ def _add_estimation(commands: Commands, command, required: bool, live: bool = Fa
     command.add_argument("--events", type=int, metavar="N", help=text)
     text = f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)"
     networks = command.add_mutually_exclusive_group()
-    networks.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    commands.add_networks(networks, text)
     text = "mask networks of your own, in files named as those of lmmap"
     networks.add_argument("--weights", metavar="FOLDER", help=text)

@@ -5,10 +5,11 @@ them.
 """
 
 import re
+import warnings
 from pathlib import Path
 
 MODALITIES = ("rgb", "event")
-DOMAIN_GAPS = ("high", "low", "robust", "light")
+SETS, FORMER = ("high", "low", "robust", "slim"), {"light": "slim"}
 DEFAULT_WEIGHTS, PAPER_WEIGHTS = "robust", "low"
 TIME_UNITS = ("s", "ms", "us", "ns")
 FLIPS = tuple(camera + flip for camera in ("", "rgb:", "event:") for flip in ("x", "y", "180"))
@@ -19,3 +20,10 @@ SHELLS = ("bash", "zsh", "tcsh")
 def camera_or_file(text: str) -> str | Path:
     """The name of a camera that OpenCV opens, a text, or the path of a recording."""
     return text if re.fullmatch(r"\d+|/dev/video\d+|\w+://.+", text) else Path(text)
+
+
+def present_set(name: str) -> str:
+    """The name of a set of networks; with a warning for a former one."""
+    if name in FORMER:
+        warnings.warn(f"the networks {name!r} are now called {FORMER[name]!r}", stacklevel=2)
+    return FORMER.get(name, name)

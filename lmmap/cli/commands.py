@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from itertools import groupby
 from pathlib import Path
 
 from .. import plugins
-from .choices import TIME_UNITS
+from .choices import SETS, TIME_UNITS, present_set
 
 OWN, OTHERS = "commands", "commands of the laboratory behind the book"
 
@@ -39,6 +40,14 @@ def _whole(text: str) -> int:
     except ValueError:
         pass
     raise argparse.ArgumentTypeError(f"expected a whole number of 64 bits, got {text:.30}")
+
+
+class _Renamed(_Once):
+    """Store the value of an option by its former name, with a warning."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        warnings.warn(f"{option_string} is now called --{self.dest}", stacklevel=2)
+        super().__call__(parser, namespace, values, option_string)
 
 
 class Parser(argparse.ArgumentParser):
@@ -123,6 +132,13 @@ class Commands:
         action = command.add_argument(*names, **({"metavar": "FILE", "type": Path} | options))
         if self.complete_files is not None:
             action.complete = self.complete_files
+
+    def add_networks(self, command, text: str) -> None:
+        """An argument that names a shipped set of networks."""
+        options = {"type": present_set, "choices": SETS}
+        command.add_argument("--networks", help=text, **options)
+        hidden = {"action": _Renamed, "dest": "networks", "help": argparse.SUPPRESS}
+        command.add_argument("--domain-gap", **hidden, **options)
 
     def add_output(self, command, text: str, **options) -> None:
         self.add_file(command, "-o", "--output", help=text, **options)

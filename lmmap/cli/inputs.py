@@ -85,7 +85,7 @@ def table_format(a: Namespace) -> str:
 def network_set(a: Namespace) -> str:
     """The networks that were asked for, or the default set: for the paper's own procedure the paper's."""
     default = PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS
-    return a.weights or a.domain_gap or default
+    return a.weights or a.networks or default
 
 
 def can_be_fused(stream: Stream, needed: bool) -> bool:

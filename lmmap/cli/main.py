@@ -25,7 +25,8 @@ def main(argv: list[str] | None = None) -> int:
         try:
             if closed:
                 raise InputError("stdout: is closed, so nothing can be told; send it to a file or /dev/null")
-            return _run(argv)
+            with _notes():
+                return _run(argv)
         finally:
             sys.stdout.flush()
     except InputError as error:
@@ -57,9 +58,8 @@ def _run(argv: list[str] | None) -> int:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     tune_allocator()
-    with _notes():
-        call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
-        sys.stdout.flush()
+    call(arguments.command, arguments.run, arguments)  # --help does not wait for torch
+    sys.stdout.flush()
     return 0
 
 
@@ -96,7 +96,7 @@ def _notes():
             yield
         except BrokenPipeError:
             raise
-        except (InputError, MemoryError, OSError):
+        except (InputError, MemoryError, OSError, SystemExit):
             waiting.clear()
             raise
         finally:

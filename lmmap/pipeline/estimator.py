@@ -32,8 +32,8 @@ class Estimator(ImageEstimator):
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        The two mask networks: one of the shipped sets, `DOMAIN_GAPS`, a folder with files named as the
-        low-domain-gap ones, or the two as callables ``(ring, reflectors)``, each from an image to a mask
+        The two mask networks: one of the shipped sets, `SETS`, a folder with files named as the
+        ones of `low`, or the two as callables ``(ring, reflectors)``, each from an image to a mask
         (H, W) in [0, 1].  Default: ``OURS.weights``, the set that the command line takes as well.  Of a
         folder of ``lmmap adapt`` the networks from before answer first (`looks`).
     settings

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import warnings
 from pathlib import Path
 
 import torch
@@ -20,16 +21,17 @@ from .network import CHANNELS, FilterNet, MaskNetwork
 BEFORE = "before"  # folder of the networks from before, in one of networks that have learned
 FILTERS = ("ring", "reflector")
 # the paper's two sets of training sequences, ours for real data, and the same of half the width
-DOMAIN_GAPS = ("high", "low", "robust", "light")
+SETS = ("high", "low", "robust", "slim")
+FORMER = {"light": "slim"}  # names of sets
 WEIGHTS = DATA / "weights"
 MAX_BYTES = 2**26  # of a weight file; ours have 1.6 MB at most
 MAX_CARD_BYTES = 2**24  # of its card, with the curve of its training
 
 
-def weight_path(name: str, modality: str, domain_gap: str = "low", seed: int = 0) -> Path:
+def weight_path(name: str, modality: str, networks: str = "low", seed: int = 0) -> Path:
     """Where the weights of a filter ship; those of other seeds than 0 are for comparisons only."""
     other = f"-seed{seed}" if seed else ""
-    return WEIGHTS / f"{name}-{modality}-{domain_gap}{other}.safetensors"
+    return WEIGHTS / f"{name}-{modality}-{networks}{other}.safetensors"
 
 
 def save_weights(net: FilterNet, path, card: dict) -> None:
@@ -56,10 +58,10 @@ def load_card(path) -> dict:
         raise InputError(f"{path}: not a model card ({str(error)[:100]}); restore it") from None
 
 
-def shipped_gaps() -> list[str]:
-    """Those of `DOMAIN_GAPS` of which all filters are there."""
+def shipped_sets() -> list[str]:
+    """Those of `SETS` of which all filters are there."""
     everything = [(f, m) for f in FILTERS for m in CHANNELS]
-    return [gap for gap in DOMAIN_GAPS if all(weight_path(f, m, gap).exists() for f, m in everything)]
+    return [name for name in SETS if all(weight_path(f, m, name).exists() for f, m in everything)]
 
 
 def load_filter(path, modality: str) -> FilterNet:
@@ -67,7 +69,7 @@ def load_filter(path, modality: str) -> FilterNet:
     architecture."""
     path = Path(path)
     if not os.path.isdir(path.parent):
-        sets = ", ".join(shipped_gaps())
+        sets = ", ".join(shipped_sets())
         raise InputError(
             f"{path.parent}: no readable weights (no such folder); give one, or of the shipped sets: {sets}"
         )
@@ -102,9 +104,12 @@ def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
 
 
 def network_paths(weights: str | Path, modality: str) -> list[Path]:
-    """The weight files of the ring and of the reflectors: of a shipped set, one of `DOMAIN_GAPS`, or of a
-    folder with files named as the low-domain-gap ones.  `InputError` for a folder of `lmmap export`."""
-    shipped = weights in DOMAIN_GAPS
+    """The weight files of the ring and of the reflectors: of a shipped set, one of `SETS`, or of a
+    folder with files named as the ones of `low`.  `InputError` for a folder of `lmmap export`."""
+    if isinstance(weights, str) and weights in FORMER:
+        warnings.warn(f"the networks {weights!r} are now called {FORMER[weights]!r}", stacklevel=2)
+        weights = FORMER[weights]
+    shipped = weights in SETS
     paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
     if shipped:
         return paths
@@ -143,7 +148,7 @@ def before(weights, modality: str) -> Path | None:
 
     Raises `InputError` where the cards of this modality say that they have, and the folder has none.
     """
-    if not isinstance(weights, str | Path) or weights in DOMAIN_GAPS:
+    if not isinstance(weights, str | Path) or weights in (*SETS, *FORMER):
         return None
     folder = Path(weights) / BEFORE
     if any(os.path.exists(path) for path in network_paths(folder, modality)):

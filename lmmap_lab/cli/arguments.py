@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from lmmap.cli.choices import DEFAULT_WEIGHTS, DOMAIN_GAPS, MODALITIES
+from lmmap.cli.choices import DEFAULT_WEIGHTS, MODALITIES, SETS, present_set
 from lmmap.cli.commands import Commands
 
 # of modules that take seconds to import, while --help is to answer at once; tests compare them
@@ -55,7 +55,7 @@ def adapt(commands: Commands) -> None:
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
     text = f"set of mask networks to begin with (default: {DEFAULT_WEIGHTS})"
     networks = command.add_mutually_exclusive_group()
-    networks.add_argument("--domain-gap", choices=DOMAIN_GAPS, help=text)
+    commands.add_networks(networks, text)
     text = "mask networks of your own to begin with"
     networks.add_argument("--weights", metavar="FOLDER", help=text)
     text = "learn from this many seconds of the recording (default: all)"
@@ -95,17 +95,19 @@ def train(commands: Commands) -> None:
     command = commands.add("train", "lmmap_lab.cli.bench:train", text)
     command.add_argument("--filter", choices=FILTERS, help="which of the two (default: both)")
     command.add_argument("--modality", choices=MODALITIES, help="which images (default: both)")
-    command.add_argument("--domain-gap", choices=DOMAIN_GAPS, help="training sequences (default: all)")
+    commands.add_networks(command, "which set of networks (default: all)")
     command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
-    command.add_argument("--start-from", choices=DOMAIN_GAPS, help="weights to begin with (default: none)")
+    command.add_argument(
+        "--start-from", type=present_set, choices=SETS, help="weights to begin with (default: none)"
+    )
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
 
 
 def export(commands: Commands) -> None:
     text = "write mask networks in ONNX, for other runtimes; needs onnx"
     command = commands.add("export", "lmmap_lab.cli.export:export", text, EXPORT)
-    text = f"a shipped set ({', '.join(DOMAIN_GAPS)}), or a folder with files named as those of lmmap"
+    text = f"a shipped set ({', '.join(SETS)}), or a folder with files named as those of lmmap"
     command.add_argument("weights", metavar="WEIGHTS", help=text)
     commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="a folder to make")
 

@@ -198,7 +198,7 @@ def train(a: Namespace) -> None:
 
     chosen = {"steps": a.steps or 2000, "start_from": a.start_from or ""}
     chosen |= {} if a.start_from else {"rate": FAST}
-    gaps = [a.domain_gap] if a.domain_gap else table1.DOMAIN_GAPS
+    gaps = [a.networks] if a.networks else table1.DOMAIN_GAPS
     names, modalities = [a.filter] if a.filter else FILTERS, [a.modality] if a.modality else CHANNELS
     for gap in gaps:
         pieces, folder = on_authors_bags.training_set(a.data, gap, lambda line: print(line, flush=True))

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from lmmap.cli.inputs import leave_out
 from lmmap.files import check_output
 from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS
+from lmmap.pipeline.weights import FILTERS, SETS
 from lmmap.types import Camera, InputError
 
 from ..bench import laboratory, photometry, sequences
@@ -79,7 +79,7 @@ def train(a: Namespace) -> None:
         return
     from ..training import train
 
-    gaps = [a.domain_gap] if a.domain_gap else DOMAIN_GAPS
+    gaps = [a.networks] if a.networks else SETS
     names = [a.filter] if a.filter else FILTERS
     modalities = [a.modality] if a.modality else CHANNELS
     for gap, name, modality in product(gaps, names, modalities):

@@ -11,7 +11,7 @@ import numpy as np
 from lmmap.cli.choices import MODALITIES
 from lmmap.drawing.overlay import draw
 from lmmap.files import atomic, check_output, writes
-from lmmap.pipeline.weights import DOMAIN_GAPS, load_networks
+from lmmap.pipeline.weights import SETS, load_networks
 from lmmap.settings import OURS
 from lmmap.types import Port
 
@@ -29,7 +29,7 @@ def pictures(a: Namespace) -> None:
     with writes(a.output):
         a.output.mkdir(parents=True, exist_ok=True)
     modalities = [a.modality] if a.modality else MODALITIES
-    networks = {m: {gap: load_networks(gap, m) for gap in DOMAIN_GAPS} for m in modalities}
+    networks = {m: {gap: load_networks(gap, m) for gap in SETS} for m in modalities}
     port = Port.load(a.port) if a.port else Port.lm_map()
     settings = replace(OURS, local_search=True)  # pictures from anywhere are cluttered
     print(HEADER)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.pipeline.weights import SETS
 
 from ..studies import domain_gap
 from ..studies.table1 import LIGHTS
@@ -57,7 +57,7 @@ def draw_sets(table: pd.DataFrame, place: str):
     """
     fig, axes = plt.subplots(1, len(MEASURES), figsize=(7.6, 2.9))
     shown = table[(table.place == place) & (table.light == domain_gap.ALL_LIGHTS)]
-    sets = [name for name in DOMAIN_GAPS if name in set(shown.quantity)]
+    sets = [name for name in SETS if name in set(shown.quantity)]
     for ax, (measure, (title, scale)) in zip(axes, MEASURES.items(), strict=True):
         for m, shift in SHIFTS.items():
             cells = shown[(shown.measure == measure) & (shown.modality == m)]

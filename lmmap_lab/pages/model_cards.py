@@ -11,7 +11,7 @@ import pandas as pd
 from lmmap.estimation.images import images
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.rescale import trained_range_m
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_card, load_network, weight_path
+from lmmap.pipeline.weights import FILTERS, SETS, load_card, load_network, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording
 
@@ -29,12 +29,12 @@ LENSES = {  # for the range of distances
 }
 
 
-def training(domain_gap: str) -> pd.DataFrame:
+def training(networks: str) -> pd.DataFrame:
     """A row for each network of a set, from its card."""
     rows = []
     for name in FILTERS:
         for modality in CHANNELS:
-            path = weight_path(name, modality, domain_gap)
+            path = weight_path(name, modality, networks)
             card = load_card(path)
             kinds = sorted({sequence.split("-")[0] for sequence in card["training_sequences"]})
             rows.append({
@@ -48,25 +48,25 @@ def training(domain_gap: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def training_table(domain_gap: str):
+def training_table(networks: str):
     """`training`, styled."""
-    return sentence_table(training(domain_gap)).format(precision=3, thousands=",")
+    return sentence_table(training(networks)).format(precision=3, thousands=",")
 
 
 def devices() -> str:
     """On what the shipped networks were trained, by their cards."""
-    cards = [load_card(weight_path(f, m, gap)) for f, m, gap in product(FILTERS, CHANNELS, DOMAIN_GAPS)]
+    cards = [load_card(weight_path(f, m, gap)) for f, m, gap in product(FILTERS, CHANNELS, SETS)]
     words = {"cuda": "a graphics card", "cpu": "processor cores"}
     return " and ".join(sorted({f"{words[c['device']]} (torch {c['torch'].split('+')[0]})" for c in cards}))
 
 
-def tests(domain_gap: str) -> pd.DataFrame:
+def tests(networks: str) -> pd.DataFrame:
     """Right, wrong and missing poses of a set, by place, camera and light; empty where none were measured."""
-    if domain_gap == "light":
-        table = pd.read_csv(DATA / "results" / "light.csv").query("light != 'all'")
+    if networks == "slim":
+        table = pd.read_csv(DATA / "results" / "slim.csv").query("light != 'all'")
     else:
         table = pd.read_csv(DATA / "results" / "wrong-poses.csv").query("estimator != 'every pose'")
-    chosen = table[table.weights == domain_gap]
+    chosen = table[table.weights == networks]
     chosen = chosen[chosen.set.str.endswith(("held out", "judged once"))]
     return pd.DataFrame({
         "place": chosen.set.str.removesuffix(", held out").str.replace("other laboratory", "second scene"),
@@ -76,41 +76,41 @@ def tests(domain_gap: str) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def tests_table(domain_gap: str):
+def tests_table(networks: str):
     """`tests`, styled: the rows grouped by place and camera."""
-    table = tests(domain_gap).replace({"light": LIGHTS, "place": {"slow": "slow motion"}})
+    table = tests(networks).replace({"light": LIGHTS, "place": {"slow": "slow motion"}})
     rows = table.set_index(["place", "camera", "light"]).rename_axis(index=(None,) * 3)
     return rows.style.format(precision=1)
 
 
-def hardest(domain_gap: str) -> tuple[str, float]:
+def hardest(networks: str) -> tuple[str, float]:
     """Of the `tests` of a set that have `ENOUGH` images, where the most of these have no pose, in words, and
     in how many percent."""
-    table = tests(domain_gap).query("images >= @ENOUGH")
+    table = tests(networks).query("images >= @ENOUGH")
     row = table.loc[table["no pose (%)"].idxmax()]
     place = row.place.removesuffix(", judged once")
     return f"{row.camera} in {row.light} light ({place})", row["no pose (%)"]
 
 
 def beside(place: str) -> pd.DataFrame:
-    """Rows of data/results/light.csv, of `light` and the default set, on one set of sequences."""
-    return pd.read_csv(DATA / "results" / "light.csv").query("set == @place")
+    """Rows of data/results/slim.csv, of `slim` and the default set, on one set of sequences."""
+    return pd.read_csv(DATA / "results" / "slim.csv").query("set == @place")
 
 
 def beside_default() -> pd.DataFrame:
-    """Texts on the tuning sequences by camera and light: right and wrong poses of `light` and of the default
-    set, and how many more are right with `light`; in brackets 95 % intervals."""
+    """Texts on the tuning sequences by camera and light: right and wrong poses of `slim` and of the default
+    set, and how many more are right with `slim`; in brackets 95 % intervals."""
     rows = beside("tuning").set_index(["modality", "light"]).loc[list(product(CHANNELS, (*LIGHTS, "all")))]
-    of = {name: rows[rows.weights == name] for name in ("light", OURS.weights)}
+    of = {name: rows[rows.weights == name] for name in ("slim", OURS.weights)}
     columns = {("right (%)", name): shares_with_ends(own, "right", ".1f") for name, own in of.items()}
-    columns["right (%)", "difference"] = shares_with_ends(of["light"], "more_right", ".1f")
+    columns["right (%)", "difference"] = shares_with_ends(of["slim"], "more_right", ".1f")
     columns |= {("wrong (%)", name): shares_with_ends(own, "wrong", ".1f") for name, own in of.items()}
-    columns["images", ""] = of["light"].images.astype(str)
+    columns["images", ""] = of["slim"].images.astype(str)
     words = {**CAMERAS, **LIGHTS, "all": "all lights"}
     return pd.DataFrame(columns).rename(index=words).rename_axis([None, None])
 
 
-def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]:
+def worst_masks(networks: str, recording: Recording, most: int) -> list[tuple]:
     """Of a recording with truth, each camera's image whose ring mask by a set overlaps least with the truth.
 
     Parameters
@@ -122,7 +122,7 @@ def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]
     -------
     For each camera ``(title, modality, image, true pose)``, as `networks_page.draw_masks` takes them.
     """
-    quality = mask_quality.filter_quality(recording, (domain_gap,), most=most).query("filter == 'ring'")
+    quality = mask_quality.filter_quality(recording, (networks,), most=most).query("filter == 'ring'")
     pictures = []
     for modality, rows in quality.groupby("modality", sort=False):
         worst = rows.loc[rows.iou.idxmin()]
@@ -132,12 +132,12 @@ def worst_masks(domain_gap: str, recording: Recording, most: int) -> list[tuple]
     return pictures
 
 
-def draw_failures(domain_gap: str, recording: Recording, most: int = 10):
+def draw_failures(networks: str, recording: Recording, most: int = 10):
     """Figure of the `worst_masks` of a set: each image, and beside it what its masks have wrong."""
     networks = {
-        (name, m): load_network(weight_path(name, m, domain_gap), m) for name in FILTERS for m in CHANNELS
+        (name, m): load_network(weight_path(name, m, networks), m) for name in FILTERS for m in CHANNELS
     }
-    pictures = worst_masks(domain_gap, recording, most)
+    pictures = worst_masks(networks, recording, most)
     fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
     networks_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
     return fig

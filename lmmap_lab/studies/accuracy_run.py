@@ -16,7 +16,7 @@ from lmmap.evaluation import error_table
 from lmmap.files import write_text
 from lmmap.marks import has_mark
 from lmmap.pipeline.network import best_precision
-from lmmap.pipeline.weights import shipped_gaps
+from lmmap.pipeline.weights import shipped_sets
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.settings import MODALITIES, OURS, PAPER
 from lmmap.tracking.fusion import fuse
@@ -26,7 +26,7 @@ from ..bench import laboratory, sequences
 from ..provenance import DATA, DERIVED_DATA, PINS, fingerprint, load_table, save_json, save_table
 from ..training.mask_quality import filter_quality
 from . import accuracy_tables, reliability, table1
-from .accuracy_tables import DRAWS, SEED, label
+from .accuracy_tables import DRAWS, PACKED, SEED, label
 from .archive import mark_of, pack, unpack
 from .claims import claims
 from .sequence_files import ESTIMATING, LADDER, bench_recording, kept_estimates
@@ -35,8 +35,8 @@ from .table1 import BLOCK_S, DOMAIN_GAPS, LIGHTS, TRACKS
 CODE = (sequences.simulate, *ESTIMATING, *LADDER, merge_by_time, fuse, error_table.errors, filter_quality,
         reliability.confidences, table1.saturation)  # fmt: skip
 WEIGHTS = {  # sets of networks by kind of sequence: the paper's two, and ours where poses may not be wrong
-    "test": (*DOMAIN_GAPS, OURS.weights, "light"), "hard": ("low",),
-    "empty": ("low", OURS.weights, "light"),
+    "test": (*DOMAIN_GAPS, OURS.weights, "slim"), "hard": ("low",),
+    "empty": ("low", OURS.weights, "slim"),
 }  # fmt: skip
 EMPTY = {"quick": 1, "paper": 3}  # sequences without a port, which divide the profile's seconds among them
 COMMITTED = DATA / "results" / "accuracy"  # the paper profile's tables
@@ -175,15 +175,15 @@ def run_sequence(name: str, profile: str, study: Study, mark: str, report, pictu
                 path = folder / f"confidence-{label(name, modality, gap)}.csv"
                 files.append(save_table(path, reliability.confidences(recording, estimates, port), **facts))
             counts.append({
-                "sequence": name, "weights": gap, "modality": modality, "images": len(estimates),
-                "ellipses": sum(e.ellipse is not None for e in estimates),
+                "sequence": name, "weights": PACKED.get(gap, gap), "modality": modality,
+                "images": len(estimates), "ellipses": sum(e.ellipse is not None for e in estimates),
                 "poses": sum(e.T_cam_port is not None for e in estimates), **medians,
             })  # fmt: skip
     files.append(save_table(folder / f"counts-{name}.csv", pd.DataFrame(counts), **facts))
     if kind == "test":
         cells = product(MODALITIES, DOMAIN_GAPS)
         files += [folder / f"ladder-{label(name, modality, gap)}.csv" for modality, gap in cells]
-        fits = study.mask_quality(recording, shipped_gaps())
+        fits = study.mask_quality(recording, shipped_sets()).replace({"domain_gap": PACKED})
         files.append(save_table(folder / f"filters-{name}.csv", fits, **facts))
     else:  # the page on hard cases draws these few
         files += [folder / f"estimates-{label(name, m, 'low')}.csv" for m in TRACKS]

@@ -16,11 +16,12 @@ from .right_and_wrong import by_limit, right_and_wrong
 from .table1 import DOMAIN_GAPS, TRACKS
 
 DRAWS, SEED = 1000, 0  # of the bootstrap
+PACKED = {"slim": "light"}  # what the packed results call a set
 
 
 def label(name: str, modality: str, gap: str) -> str:
     """Name of a sequence's files for a modality and a set of networks; low needs no mention."""
-    return f"{name}-{modality}" + {"low": "", "high": "-high-gap"}.get(gap, f"-{gap}")
+    return f"{name}-{modality}" + {"low": "", "high": "-high-gap"}.get(gap, f"-{PACKED.get(gap, gap)}")
 
 
 def tables(
@@ -45,10 +46,10 @@ def tables(
     return whole | {
         "counts": counts[counts.weights == "low"].drop(columns="weights"),
         "default": of_networks(folder, tests, counts, OURS.weights, draws),
-        "light": of_networks(folder, tests, counts, "light", draws),
+        "slim": of_networks(folder, tests, counts, "slim", draws),
         **_default_confidence(folder, tests),
         "saturation": pd.concat(_saturation(folder, sequences, light) for light, sequences in tests.items()),
-        "filters": medians(pd.concat(fits)),
+        "filters": medians(pd.concat(fits).replace({"domain_gap": {v: k for k, v in PACKED.items()}})),
     }
 
 
@@ -71,7 +72,7 @@ def of_networks(
         medians = pd.concat(errors)[list(error_table.METRICS)].median()
         inside = error_statistics.coverage(errors, draws, SEED)["inside_95_percent"]
         rows.append({"light": light, "modality": track, **answers, **medians, "inside_95_percent": inside})
-    empty = counts[counts.sequence.str.startswith("empty") & (counts.weights == weights)]
+    empty = counts[counts.sequence.str.startswith("empty") & (counts.weights == PACKED.get(weights, weights))]
     empty = empty.groupby("modality")[["images", "poses"]].sum()
     return pd.concat([pd.DataFrame(rows), empty.reset_index().assign(light="no port")])
 

@@ -6,7 +6,7 @@ from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import FILTERS, load_card, weight_path
 
 
-def set_hashes(domain_gap: str) -> str:
+def set_hashes(networks: str) -> str:
     """The networks of a shipped set, as a table's provenance names them (``networks``)."""
-    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in CHANNELS]
+    paths = [weight_path(name, modality, networks) for name in FILTERS for modality in CHANNELS]
     return " ".join(load_card(path)["sha256"][:12] for path in paths)

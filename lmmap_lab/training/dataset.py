@@ -37,7 +37,7 @@ SETS = {
     "high": _AUGMENTED, "low": _ALL,
     "robust": [*_ALL, *(f"varied-{i}" for i in range(VARIED)), *_IN_HIGH],
 }  # fmt: skip
-SETS["light"] = [*SETS["robust"], *(f"printed-{i}" for i in range(PRINTED))]
+SETS["slim"] = [*SETS["robust"], *(f"printed-{i}" for i in range(PRINTED))]
 
 
 def split(names: list[str]) -> tuple[list[str], list[str]]:

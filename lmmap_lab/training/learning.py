@@ -16,9 +16,9 @@ from ..provenance import commit
 from .recipe import Recipe
 
 
-def shipped(recipe: Recipe, domain_gap: str) -> Path:
-    """The weights of a domain gap for the same filter and camera."""
-    return weight_path(recipe.filter, recipe.modality, domain_gap)
+def shipped(recipe: Recipe, networks: str) -> Path:
+    """The weights of a set for the same filter and camera."""
+    return weight_path(recipe.filter, recipe.modality, networks)
 
 
 def seeded(recipe: Recipe, network: Callable, *values):

@@ -13,7 +13,7 @@ SHIPPED = {
     "high": {"steps": 30_000, "rate": 1e-3},
     "low": {"steps": 30_000, "rate": 1e-3},
     "robust": {"steps": 50_000, "rate": 3e-3, "start_from": "low"},
-    "light": {"steps": 40_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
+    "slim": {"steps": 40_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
 }
 FAST = 1e-2  # a rate with which a filter learns several times faster from chance than with 1e-3
 
@@ -24,7 +24,7 @@ class Recipe:
 
     filter: str
     modality: str
-    domain_gap: str = "low"
+    networks: str = "low"
     seed: int = 0
     steps: int = 2000
     batch: int = 16
@@ -32,14 +32,14 @@ class Recipe:
     positive_crops: float = 0.65
     rate: float = 1e-3
     warm_up: int = 100
-    start_from: str = ""  # begin with the weights of this domain gap
+    start_from: str = ""  # begin with the weights of this set
     width: float = 1.0  # channels, as a share of the paper's
     depthwise: bool = False  # convolutions of each channel alone, then across channels
     teacher: str = ""  # learn from the masks of these weights as much as from the true ones
     data: str = ""  # name of a folder of recordings, in place of the bench
 
     def __post_init__(self):
-        named = (("filter", FILTERS), ("modality", CHANNELS), ("domain_gap", SHIPPED))
+        named = (("filter", FILTERS), ("modality", CHANNELS), ("networks", SHIPPED))
         for name, allowed in named:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
@@ -49,9 +49,9 @@ class Recipe:
             raise InputError(f"--seed {self.seed}: give a whole number from 0 to 2^63 - 1")
 
     @classmethod
-    def of_shipped(cls, name: str, modality: str, domain_gap: str, **changes) -> Recipe:
+    def of_shipped(cls, name: str, modality: str, networks: str, **changes) -> Recipe:
         """The recipe of weights that ship, with what is to be another."""
-        return cls(name, modality, domain_gap, **{**SHIPPED[domain_gap], **changes})
+        return cls(name, modality, networks, **{**SHIPPED[networks], **changes})
 
     @property
     def widths(self) -> tuple[int, ...]:
@@ -61,19 +61,19 @@ class Recipe:
     @property
     def robust(self) -> bool:
         """Whether it learns from the varied laboratories, and from varied images."""
-        return self.domain_gap in ("robust", "light")
+        return self.networks in ("robust", "slim")
 
     @property
     def name(self) -> str:
         """The name of its weights."""
-        return weight_path(self.filter, self.modality, self.domain_gap, self.seed).stem
+        return weight_path(self.filter, self.modality, self.networks, self.seed).stem
 
     @property
     def command(self) -> str:
         """The command that makes the weights again."""
         return (
             f"lmmap train --filter {self.filter} --modality {self.modality} "
-            f"--domain-gap {self.domain_gap} --seed {self.seed} --steps {self.steps}"
+            f"--networks {self.networks} --seed {self.seed} --steps {self.steps}"
         ) + "".join(
             f" --{flag} {value}"
             for flag, value in (("start-from", self.start_from), ("data", self.data))

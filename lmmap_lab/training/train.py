@@ -60,7 +60,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     weights
         Where to write, and where to keep checkpoints; default: where the package looks for weights.
     names
-        Sequences; default: the domain gap's.
+        Sequences; default: the set's.
     every
         Steps between two checks and checkpoints; default: `CHECKPOINT_STEPS`.
     network
@@ -73,7 +73,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
     device
         Default: a graphics card where there is one.
     """
-    names, every = names or dataset.SETS[recipe.domain_gap], every or CHECKPOINT_STEPS
+    names, every = names or dataset.SETS[recipe.networks], every or CHECKPOINT_STEPS
     dataset.make_samples(names, folder, report=report)
     samples, held_out = (samples_of(part, recipe.filter, recipe.modality, folder)
                          for part in dataset.split(names))  # fmt: skip
@@ -87,7 +87,7 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
         run += f"-from-{load_card(shipped(recipe, recipe.start_from))['sha256'][:8]}"
     net, teacher = net.to(device, memory_format=torch.channels_last), teacher_of(recipe, device)
     checkpoint = (weights.parent if weights else folder) / f"{run}.ckpt.safetensors"
-    path = weights or weight_path(recipe.filter, recipe.modality, recipe.domain_gap, recipe.seed)
+    path = weights or weight_path(recipe.filter, recipe.modality, recipe.networks, recipe.seed)
 
     def batch(step: int):
         return make_batch(samples, recipe, step, encode)

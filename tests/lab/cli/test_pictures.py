@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from lmmap.cli.choices import DOMAIN_GAPS
+from lmmap.cli.choices import SETS
 from lmmap.cli.main import main
 from lmmap.recordings.formats import open_recording
 from lmmap.shipped import DATA
@@ -19,7 +19,7 @@ def test_a_folder_of_pictures_is_drawn_and_told(tmp_path, capsys):
     assert main(in_the_way) == 1 and "cannot write" in capsys.readouterr().err
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[2] for line in lines[1:]] == list(DOMAIN_GAPS)
+    assert [line.split()[2] for line in lines[1:]] == list(SETS)
     picture = np.asarray(Image.open(drawn / "port-rgb.png"))
     assert picture.shape[1] > 2 * picture.shape[0] and picture.ndim == 3
     assert main(command) == 1 and "--overwrite" in capsys.readouterr().err

@@ -5,7 +5,7 @@ import hashlib
 import pytest
 
 from lmmap.pipeline.ring import binarise
-from lmmap.pipeline.weights import DOMAIN_GAPS, FILTERS, load_network, weight_path
+from lmmap.pipeline.weights import FILTERS, SETS, load_network, weight_path
 from lmmap.recordings.formats import formats, open_recording
 from lmmap.settings import OURS
 from lmmap_lab.bench.labels import label_masks
@@ -14,17 +14,17 @@ from lmmap_lab.provenance import DATA
 from lmmap_lab.training.mask_quality import iou
 
 
-@pytest.mark.parametrize("domain_gap", DOMAIN_GAPS)
-def test_each_network_is_named_by_the_hash_of_its_file(domain_gap):
-    table = model_cards.training(domain_gap)
-    paths = [weight_path(name, modality, domain_gap) for name in FILTERS for modality in ("rgb", "event")]
+@pytest.mark.parametrize("networks", SETS)
+def test_each_network_is_named_by_the_hash_of_its_file(networks):
+    table = model_cards.training(networks)
+    paths = [weight_path(name, modality, networks) for name in FILTERS for modality in ("rgb", "event")]
     assert table.sha256.tolist() == [hashlib.sha256(p.read_bytes()).hexdigest()[:12] for p in paths]
     assert table["validation overlap"].between(0, 1).all()
 
 
-@pytest.mark.parametrize("domain_gap", ["low", "robust", "light"])
-def test_every_tested_image_is_right_wrong_or_has_no_pose(domain_gap):
-    table = model_cards.tests(domain_gap)
+@pytest.mark.parametrize("networks", ["low", "robust", "slim"])
+def test_every_tested_image_is_right_wrong_or_has_no_pose(networks):
+    table = model_cards.tests(networks)
     assert len(table) >= 6
     assert table[["right (%)", "wrong (%)", "no pose (%)"]].sum(axis=1).to_numpy() == pytest.approx(
         100, abs=1e-3
@@ -60,10 +60,10 @@ def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
         assert title.endswith(f"overlap {overlap:.2f}")
 
 
-@pytest.mark.parametrize("domain_gap", ["low", "robust", "light"])
-def test_no_cell_is_harder_than_the_hardest(domain_gap):
-    where, percent = model_cards.hardest(domain_gap)
-    table = model_cards.tests(domain_gap)
+@pytest.mark.parametrize("networks", ["low", "robust", "slim"])
+def test_no_cell_is_harder_than_the_hardest(networks):
+    where, percent = model_cards.hardest(networks)
+    table = model_cards.tests(networks)
     table = table[table.images >= model_cards.ENOUGH]
     (row,) = table[table["no pose (%)"] == percent].head(1).itertuples()
     assert (table["no pose (%)"] <= percent).all()
@@ -76,6 +76,6 @@ def test_beside_the_default_set_the_difference_is_that_of_both_shares():
         table.index.tolist()[2:4] == [("frames", "high light"), ("frames", "all lights")] and len(table) == 8
     )
     shares = table["right (%)"].map(lambda text: float(text.split(" (")[0]))
-    assert (shares.light - shares[OURS.weights]).to_numpy() == pytest.approx(shares.difference, abs=0.11)
+    assert (shares.slim - shares[OURS.weights]).to_numpy() == pytest.approx(shares.difference, abs=0.11)
     images = table["images", ""].astype(int)
     assert images["frames"].iloc[:3].sum() == images["frames", "all lights"]

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.pipeline.weights import SETS
 from lmmap.recordings.formats import open_recording
 from lmmap.types import Estimate, Port, Status
 from lmmap_lab.pages import real_port_page
@@ -27,7 +27,7 @@ def test_a_drawing_shows_the_ring_by_hand_and_the_ellipse_widened_to_its_edge():
 
 def test_the_table_tells_right_from_wrong_and_from_nothing():
     rows = pd.DataFrame({
-        "picture": "a", "filters": DOMAIN_GAPS[:3], "status": ["ok", "unsure", "no_ring"],
+        "picture": "a", "filters": SETS[:3], "status": ["ok", "unsure", "no_ring"],
         "contrast": [0.5, 0.4, np.nan], "ring_right": [True, False, False], "centre_px": [1.24, 30, np.nan],
         "major_ratio": [1, 2, np.nan], "pose_plausible": [True, False, False],
     })  # fmt: skip
@@ -49,7 +49,7 @@ def test_the_chain_names_its_four_frames_and_dashes_only_what_is_unknown():
 
 def test_found_rings_and_poses_are_counted_by_set():
     rows = pd.DataFrame({
-        "picture": ["a", "b", "unseen"] * 6, "filters": np.repeat(DOMAIN_GAPS[:3], 6),
+        "picture": ["a", "b", "unseen"] * 6, "filters": np.repeat(SETS[:3], 6),
         "local_search": np.tile(np.repeat([False, True], 3), 3), "ring_right": [True, False, True] * 6,
         "status": ["ok", "ok", "no_ring"] * 3 + ["unsure"] * 9,
     })  # fmt: skip

@@ -123,7 +123,7 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick):
     assert len(pd.read_csv(quick / "fusion.csv")) == 6 * 3
     fits = pd.read_csv(quick / "filters.csv")
     assert (
-        len(fits) == 3 * len(accuracy_run.shipped_gaps())
+        len(fits) == 3 * len(accuracy_run.shipped_sets())
         and (fits.iou == 1).all()
         and (fits.images == 1).all()
     )

@@ -107,7 +107,7 @@ def test_damaged_bags_make_no_noise(folder, capfd, monkeypatch, command, seed):
 def test_training_on_bags_makes_filters_that_reproduce_takes(folder, capsys, monkeypatch):
     monkeypatch.setattr(excerpts, "SEQUENCE_SECONDS", 0.09)
     monkeypatch.setattr(excerpts, "EXCERPT_EVERY_S", 0.09)
-    argv = ("train", "--data", folder, "--modality", "rgb", "--domain-gap", "low", "--steps", "1",
+    argv = ("train", "--data", folder, "--modality", "rgb", "--networks", "low", "--steps", "1",
             "--filter", "ring", "--start-from", "low")  # fmt: skip
     code, out, err = run(capsys, *argv)
     assert code == 0, err
@@ -119,7 +119,7 @@ def test_training_on_bags_makes_filters_that_reproduce_takes(folder, capsys, mon
     names = [f"dataset_0307_notexture--normal__train-{k:04d}" for k in range(5)]
     samples = dataset.Samples(names, "ring", "rgb", made / "training")
     assert len(samples) >= 5 and samples.made_of() == "recordings"
-    code, _, err = run(capsys, "train", "--data", folder, "--domain-gap", "high")
+    code, _, err = run(capsys, "train", "--data", folder, "--networks", "high")
     assert code == 1 and "no usable training bag for the high domain gap" in err
 
 

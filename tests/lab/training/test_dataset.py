@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.weights import DOMAIN_GAPS, WEIGHTS, load_card
+from lmmap.pipeline.weights import SETS, WEIGHTS, load_card
 from lmmap.recordings.formats import open_recording
 from lmmap.settings import PAPER
 from lmmap.types import InputError
@@ -25,7 +25,7 @@ def folder(recording, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("gap", DOMAIN_GAPS)
+@pytest.mark.parametrize("gap", SETS)
 def test_split_is_by_sequence_and_complete(gap):
     names = dataset.SETS[gap]
     train, validate = dataset.split(names)
@@ -38,10 +38,10 @@ def test_split_is_by_sequence_and_complete(gap):
 
 
 def test_only_the_high_gap_lacks_the_realistic_sequences():
-    kinds = {gap: {n.split("-")[0] for n in dataset.SETS[gap]} for gap in DOMAIN_GAPS}
+    kinds = {gap: {n.split("-")[0] for n in dataset.SETS[gap]} for gap in SETS}
     both = {"augmented", "realistic"}
     assert kinds == {"high": {"augmented"}, "low": both, "robust": both | {"varied"},
-                     "light": both | {"varied", "printed"}}  # fmt: skip
+                     "slim": both | {"varied", "printed"}}  # fmt: skip
 
 
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)

@@ -22,7 +22,7 @@ from lmmap_lab.training.recipe import Recipe
 def toy(tmp_path, monkeypatch, rng):
     """Ten sequences of two small images with a bright square as the ring."""
     names = toy_training.write_samples(tmp_path, rng)
-    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.DOMAIN_GAPS})
+    monkeypatch.setattr(dataset, "SETS", {gap: names for gap in weights.SETS})
     monkeypatch.setattr(weights, "WEIGHTS", tmp_path)
     return tmp_path
 
@@ -247,7 +247,7 @@ def test_what_ships_is_made_by_the_default_command():
         card = weights.load_card(path)
         recipe = card["recipe"]
         default = Recipe.of_shipped(
-            *(recipe[k] for k in ("filter", "modality", "domain_gap")), seed=recipe["seed"]
+            *(recipe[k] for k in ("filter", "modality", "networks")), seed=recipe["seed"]
         )
         assert default == Recipe(**recipe)
         assert default.command == card["command"] and default.name == path.stem
@@ -255,7 +255,7 @@ def test_what_ships_is_made_by_the_default_command():
 
 def test_the_papers_two_sets_are_trained_alike():
     low, high = (Recipe.of_shipped("ring", "event", gap) for gap in ("low", "high"))
-    assert replace(low, domain_gap="high") == high
+    assert replace(low, networks="high") == high
 
 
 def test_another_seed_leaves_the_shipped_weights_alone(toy):

@@ -81,8 +81,17 @@ def test_an_empty_argument_is_no_folder_here(capsys):
 
 @pytest.mark.parametrize("command", ["estimate", "evaluate", "live"])
 def test_networks_are_named_once(capsys, command):
-    err = mistake(capsys, command, DRAWN, "--weights", "x", "--domain-gap", "low")
+    err = mistake(capsys, command, DRAWN, "--weights", "x", "--networks", "low")
     assert "not allowed with" in err
+
+
+def test_former_names_are_still_taken_with_a_line():
+    words = ["estimate", "x.h5", "--modality", "rgb", "-o", "x.csv"]
+    with pytest.warns(UserWarning, match="is|are now called") as told:
+        a = arguments.parser().parse_args([*words, "--domain-gap", "light"])
+    assert a.networks == "slim" and sorted(str(w.message) for w in told) == [
+        "--domain-gap is now called --networks", "the networks 'light' are now called 'slim'",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

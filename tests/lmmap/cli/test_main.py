@@ -27,7 +27,7 @@ from lmmap.estimation import images as recorded
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import CHANNELS
-from lmmap.pipeline.weights import DOMAIN_GAPS
+from lmmap.pipeline.weights import FORMER, SETS
 from lmmap.recordings import devices
 from lmmap.recordings.formats import UNITS, open_recording
 from lmmap.recordings.journal import Journal
@@ -390,7 +390,7 @@ def test_threads_that_wait_leave_the_cores_to_others():
 
 def test_choices_are_those_of_the_modules_that_own_them():
     assert choices.MODALITIES == settings.MODALITIES == tuple(CHANNELS)
-    assert tuple(DOMAIN_GAPS) == choices.DOMAIN_GAPS and OURS.weights == choices.DEFAULT_WEIGHTS
+    assert (SETS, FORMER) == (choices.SETS, choices.FORMER) and OURS.weights == choices.DEFAULT_WEIGHTS
     assert choices.TIME_UNITS == UNITS
     assert set(choices.SHELLS) <= set(shtab.SUPPORTED_SHELLS)
 

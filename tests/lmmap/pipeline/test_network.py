@@ -20,13 +20,15 @@ from lmmap.pipeline.network import (
     up_to_one_channel,
 )
 from lmmap.pipeline.weights import (
-    DOMAIN_GAPS,
     FILTERS,
+    SETS,
     WEIGHTS,
+    before,
     load_card,
     load_network,
+    network_paths,
     save_weights,
-    shipped_gaps,
+    shipped_sets,
     weight_path,
 )
 from lmmap.types import InputError
@@ -200,7 +202,13 @@ def test_weights_of_every_modality_and_filter_ship():
         assert all(weight_path(f, m, gap).exists() for f in FILTERS for m in CHANNELS)
     robust = [weight_path(f, m, "robust").exists() for f in FILTERS for m in CHANNELS]
     assert all(robust) or not any(robust)
-    assert shipped_gaps() == [*DOMAIN_GAPS[:2], *DOMAIN_GAPS[2:] * all(robust)]
+    assert shipped_sets() == [*SETS[:2], *SETS[2:] * all(robust)]
+
+
+def test_a_former_name_of_a_set_is_still_taken():
+    with pytest.warns(UserWarning, match="'light' are now called 'slim'"):
+        assert network_paths("light", "rgb") == network_paths("slim", "rgb")
+    assert before("light", "rgb") is None
 
 
 @pytest.mark.parametrize("path", sorted(WEIGHTS.glob("*.safetensors")), ids=lambda p: p.stem)
@@ -208,7 +216,7 @@ def test_shipped_weights_load_and_say_how_they_were_made(path):
     name, modality, gap, *seed = path.stem.split("-")
     load_network(path, modality)
     card = load_card(path)
-    assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality} --domain-gap {gap}")
+    assert card["command"].startswith(f"lmmap train --filter {name} --modality {modality} --networks {gap}")
     assert card["curve"][-1]["step"] == card["recipe"]["steps"]
     assert seed == ([f"seed{card['recipe']['seed']}"] if card["recipe"]["seed"] else [])
     assert not set(card["training_sequences"]) & set(card["validation_sequences"])

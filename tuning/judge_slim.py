@@ -1,9 +1,9 @@
-"""Judges the set *light* beside the default one: poses, and whether its confidence is one (chooses nothing).
+"""Judges the set *slim* beside the default one: poses, and whether its confidence is one (chooses nothing).
 
-    python tuning/judge_light.py
+    python tuning/judge_slim.py
 
 Images, masks and poses are those of `judged_images`, with the settings of the default networks.
-data/results/light.csv has, for each camera and light and each set of sequences, and for the tuning ones
+data/results/slim.csv has, for each camera and light and each set of sequences, and for the tuning ones
 together, the shares of right, wrong and missing poses with 95 % intervals, and how many more than with the
 default networks are right.  In the rows of all lights are the expected calibration error of the confidence
 and what that of a perfect one would be.
@@ -25,7 +25,7 @@ from lmmap_lab.provenance import DATA, save_table
 from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.reliability import calibration_error, error_by_chance, reliability
 
-JUDGED = ("light", OURS.weights)
+JUDGED = ("slim", OURS.weights)
 CELLS = [(place, m, w) for place in judged_images.SETS for m in MODALITIES for w in JUDGED]
 GROUPS = {"tuning": [place for place in judged_images.SETS if place.endswith("tuning")],
           **{place: [place] for place in judged_images.SETS}}  # fmt: skip
@@ -77,7 +77,7 @@ def main() -> None:
     table = pd.DataFrame([{"set": name, **row} for name, places in GROUPS.items()
                           for row in rows_of(found[found.set.isin(places)])])  # fmt: skip
     print(table.round(2).to_string())
-    save_table(DATA / "results" / "light.csv", table, networks={w: set_hashes(w) for w in JUDGED})
+    save_table(DATA / "results" / "slim.csv", table, networks={w: set_hashes(w) for w in JUDGED})
 
 
 if __name__ == "__main__":
