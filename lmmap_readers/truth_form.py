@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lmmap.evaluation.pose_errors import position_error_m, rotation_error_rad
-from lmmap.recordings.pose_files import stack_poses
 from lmmap.settings import OURS
 from lmmap.types import Estimate, InputError, Pose, Trajectory
 
@@ -27,7 +26,7 @@ def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -
     posed = truth.covers(times_us) & np.array([e.T_cam_port is not None for e in estimates], bool)
     if np.sum(posed) < FEWEST:
         return None
-    poses = stack_poses(
+    poses = Pose.stack(
         [T for e, known in zip(estimates, posed, strict=True) if known and (T := e.T_cam_port) is not None]
     )
 

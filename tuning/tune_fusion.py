@@ -30,11 +30,11 @@ from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, posi
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.recordings.formats import open_recording
-from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
+from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import MODALITIES, OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.within_limits import is_certain
-from lmmap.types import Port, Status
+from lmmap.types import Port, Pose, Status
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_json, save_table
@@ -78,7 +78,7 @@ def silenced(tracks: dict) -> dict:
 def errors(recording, estimates, port: Port) -> pd.DataFrame:
     """Squared Mahalanobis distances and log scores of the truth, and errors, of estimates with a pose."""
     known, truth = true_poses(recording, [e for e in estimates if e.T_cam_port is not None])
-    T = stack_poses([e.T_cam_port for e in known])
+    T = Pose.stack([e.T_cam_port for e in known])
     d = pose_difference(T, truth, port.yaw_period_rad)
     C = np.array([e.covariance for e in known])
     nees = mahalanobis(d, C)

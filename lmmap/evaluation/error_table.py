@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ..geometry.port import in_view
-from ..recordings.pose_files import stack_poses
 from ..settings import OURS, Settings
 from ..tracking.outliers import outlier_filter
 from ..tracking.within_limits import is_certain, sigmas
@@ -54,7 +53,7 @@ def error_values(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarr
     """`METRICS` (N, 3) of estimates; rows without a pose are NaN."""
     values = np.full((len(estimates), len(METRICS)), np.nan)
     has_pose = np.array([e.T_cam_port is not None for e in estimates], bool)
-    poses, truth = stack_poses([T for e in estimates if (T := e.T_cam_port) is not None]), truth[has_pose]
+    poses, truth = Pose.stack([T for e in estimates if (T := e.T_cam_port) is not None]), truth[has_pose]
     values[has_pose] = np.column_stack([
         position_error_m(poses, truth), np.rad2deg(normal_error_rad(poses, truth)),
         np.rad2deg(rotation_error_rad(poses, truth, port.yaw_period_rad)),
@@ -68,7 +67,7 @@ def _predictions(estimates: list[Estimate], truth: Pose, port: Port) -> np.ndarr
     has_both = np.array([e.T_cam_port is not None and e.covariance is not None for e in estimates], bool)
     predicted = [e for e, has in zip(estimates, has_both, strict=True) if has]
     if predicted:
-        poses = stack_poses([cast(Pose, e.T_cam_port) for e in predicted])
+        poses = Pose.stack([cast(Pose, e.T_cam_port) for e in predicted])
         differences = pose_difference(poses, truth[has_both], port.yaw_period_rad)
         nees = [
             d @ np.linalg.solve(cast(np.ndarray, e.covariance), d)

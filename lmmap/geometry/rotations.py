@@ -61,6 +61,17 @@ def move(T: Pose, step) -> Pose:
     return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])
 
 
+def step_between(T: Pose, other: Pose, turns: np.ndarray | None = None) -> np.ndarray:
+    """The step (6,) by which `move` takes one pose to another, the smallest over ``turns`` (K, 3, 3) that
+    leave the object as it is (`equal_turns`)."""
+    if turns is None:
+        turned = other.rotation @ T.rotation.T
+    else:
+        choices = other.rotation @ turns @ T.rotation.T
+        turned = choices[np.argmin(rotation_angle_rad(choices))]
+    return np.concatenate([other.position_m - T.position_m, single_rotation_vector(turned)])
+
+
 def equal_turns(yaw_period_rad: float) -> np.ndarray:
     """Rotations about z that an object which repeats every ``yaw_period_rad`` does not show, (K, 3, 3)."""
     return rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)

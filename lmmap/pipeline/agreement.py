@@ -13,6 +13,7 @@ import numpy as np
 from ..geometry.rotations import angle_between_rad, rotation_between_rad
 from ..settings import Settings
 from ..types import Estimate, Port, Pose, Status
+from .setup import Setup
 
 IN_DOUBT = (Status.UNSURE, Status.NO_MARKERS)  # a ring is seen, and no pose is sure
 
@@ -48,12 +49,10 @@ def confidence_together(p: float, q: float, agree: bool, independence: float) ->
     return p * (1 - q) / max(1 - p * q, 1e-12)
 
 
-def together(estimates: Sequence[Estimate], modality: str, port: Port, settings: Settings) -> Estimate:
-    """The answer of several looks at one image: the most confident pose, judged by the others.
-
-    It is reported if its confidence reaches the modality's ``min_confidence``.  Without any
-    pose the answer is the first look's.
-    """
+def together(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
+    """The answer of several looks at one image: the most confident pose, judged by the others, and
+    reported from the modality's ``min_confidence`` on.  Without any pose it is the first look's."""
+    settings = setup.settings
     with_pose = [e for e in estimates if e.found is not None]
     if len(with_pose) < 2:
         return with_pose[0] if with_pose else estimates[0]
@@ -61,6 +60,6 @@ def together(estimates: Sequence[Estimate], modality: str, port: Port, settings:
     confidence = best.confidence
     for other in with_pose:
         if other is not best:
-            agree = alike(best.found, other.found, port, settings)
+            agree = alike(best.found, other.found, setup.port, settings)
             confidence = confidence_together(confidence, other.confidence, agree, settings.look_independence)
-    return best.judged(confidence, settings.min_confidence[modality])
+    return best.judged(confidence, settings.min_confidence[setup.modality])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from ..settings import OURS, Settings
 from ..types import Camera, Estimate, Port, Status, check_time
-from . import agreement, circle
+from . import circle
 from .crops import mask_about
 from .image_estimator import ImageEstimator, Weights, settings_for, within_own_limit
 from .judge import judge, without_markers
@@ -87,10 +86,6 @@ class Estimator(ImageEstimator):
             raise ValueError(f"near: expected the place that masks.Expected says, got {near!r:.40}")
         answer = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
         return look_again(self, answer, image, t_us, near, wider)
-
-    def together(self, estimates: Sequence[Estimate]) -> Estimate:
-        """The answer of several looks at one image, as `agreement.together`."""
-        return agreement.together(estimates, self.modality, self.port, self.settings)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
         """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""

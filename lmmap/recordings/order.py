@@ -1,4 +1,4 @@
-"""Events in the order of time."""
+"""Events and frames on their way: in the order of time and on the sensor, or an error with a remedy."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from .. import plugins
+from ..types import on_sensor
 from .limits import MAX_TIME_US, check_times
 
 
@@ -46,3 +47,54 @@ def fault(t_us: np.ndarray, last_us: int, before: int) -> str:
         remedy = f"{len(steps)} such steps are too many, so write the events in the order of time"
     text = f"time of the events runs backward by {by_us} us after number {number}"
     return f"{text}; {remedy} ('lmmap info' counts such faults)"
+
+
+def timely_events(chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Pass chunks that hold events on; ValueError at a time that no clock shows."""
+    for chunk in chunks:
+        if len(chunk):
+            check_times(chunk["t_us"])
+            yield chunk
+
+
+def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
+    """Pass ``(t_us, frame)`` on; ValueError at a time that no clock shows."""
+    for t_us, frame in frames:
+        check_times(t_us)
+        yield t_us, frame
+
+
+def checked_events(
+    chunks: Iterable[np.ndarray], size_px: tuple[int, int], name: str | None = None
+) -> Iterator[np.ndarray]:
+    """Pass chunks on, `in_order`; ValueError, with a remedy, where a pixel is not the sensor's."""
+    return in_order(_on_sensor(chunks, size_px), name)
+
+
+def _on_sensor(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
+    before = 0
+    for e in chunks:
+        if len(outside := np.flatnonzero(~on_sensor(e, size_px))):
+            k = outside[0]
+            raise ValueError(
+                f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
+                f"{e['y'][k]}); check the sensor's size and the order of x and y"
+            )
+        before += len(e)
+        yield e
+
+
+def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Pass ``(t_us, frame)`` on; ValueError, with the remedy, where time runs backward or a size differs."""
+    last_us, shape = None, (size_px[1], size_px[0], 3)
+    for k, (t_us, frame) in enumerate(frames):
+        if frame.shape != shape or frame.dtype != np.uint8:
+            got = f"{frame.shape} {frame.dtype}"
+            raise ValueError(f"frame number {k} of shape {got}, expected {shape} uint8; write it again")
+        if last_us is not None and t_us < last_us:
+            raise ValueError(
+                f"time of the frames runs backward by {last_us - t_us} us after number {k - 1}; "
+                "sort by time, or cut the recording there ('lmmap info' counts such faults)"
+            )
+        last_us = t_us
+        yield t_us, frame

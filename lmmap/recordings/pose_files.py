@@ -181,13 +181,7 @@ def _estimate(row: dict) -> Estimate:
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:
     """The estimates that have a pose, as a trajectory."""
     posed = [e for e in estimates if e.T_cam_port is not None]
-    return Trajectory([e.t_us for e in posed], stack_poses([e.T_cam_port for e in posed]))
-
-
-def stack_poses(poses: list[Pose]) -> Pose:
-    """Single poses as one of shape (N,)."""
-    rotation = np.array([T.rotation for T in poses]).reshape(-1, 3, 3)
-    return Pose(rotation, np.array([T.position_m for T in poses]).reshape(-1, 3))
+    return Trajectory([e.t_us for e in posed], Pose.stack([e.T_cam_port for e in posed]))
 
 
 def _csv_rows(text: str, columns) -> list[dict]:

@@ -17,9 +17,8 @@ from typing import Protocol
 import numpy as np
 
 from .. import plugins
-from ..types import Camera, InputError, Recording, Trajectory, concatenate_events, on_sensor
-from .limits import check_times
-from .order import in_order
+from ..types import Camera, InputError, Recording, Trajectory, concatenate_events
+from .order import checked_events, checked_frames, timely_events, timely_frames
 
 CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to stay in a cache
 
@@ -185,54 +184,3 @@ def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.
 def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:
     """An array in runs of at most ``count``."""
     return (array[i : i + count] for i in range(0, len(array), count))
-
-
-def timely_events(chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
-    """Pass chunks that hold events on; ValueError at a time that no clock shows."""
-    for chunk in chunks:
-        if len(chunk):
-            check_times(chunk["t_us"])
-            yield chunk
-
-
-def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
-    """Pass ``(t_us, frame)`` on; ValueError at a time that no clock shows."""
-    for t_us, frame in frames:
-        check_times(t_us)
-        yield t_us, frame
-
-
-def checked_events(
-    chunks: Iterable[np.ndarray], size_px: tuple[int, int], name: str | None = None
-) -> Iterator[np.ndarray]:
-    """Pass chunks on, `in_order`; ValueError, with a remedy, where a pixel is not the sensor's."""
-    return in_order(_on_sensor(chunks, size_px), name)
-
-
-def _on_sensor(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterator[np.ndarray]:
-    before = 0
-    for e in chunks:
-        if len(outside := np.flatnonzero(~on_sensor(e, size_px))):
-            k = outside[0]
-            raise ValueError(
-                f"event outside {size_px[0]} x {size_px[1]} px, number {before + k} at ({e['x'][k]}, "
-                f"{e['y'][k]}); check the sensor's size and the order of x and y"
-            )
-        before += len(e)
-        yield e
-
-
-def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple[int, np.ndarray]]:
-    """Pass ``(t_us, frame)`` on; ValueError, with the remedy, where time runs backward or a size differs."""
-    last_us, shape = None, (size_px[1], size_px[0], 3)
-    for k, (t_us, frame) in enumerate(frames):
-        if frame.shape != shape or frame.dtype != np.uint8:
-            got = f"{frame.shape} {frame.dtype}"
-            raise ValueError(f"frame number {k} of shape {got}, expected {shape} uint8; write it again")
-        if last_us is not None and t_us < last_us:
-            raise ValueError(
-                f"time of the frames runs backward by {last_us - t_us} us after number {k - 1}; "
-                "sort by time, or cut the recording there ('lmmap info' counts such faults)"
-            )
-        last_us = t_us
-        yield t_us, frame

@@ -14,7 +14,7 @@ import numpy as np
 from ..geometry.compiled import njit
 from ..geometry.port import circle_points_m
 from ..geometry.projection import project_points
-from ..geometry.rotations import move, rotation_z, single_rotation_vector
+from ..geometry.rotations import move, rotation_z, step_between
 from ..geometry.sampling import profiles
 from ..settings import OURS, Settings
 from ..types import Camera, Port, Pose, frozen_array
@@ -65,8 +65,7 @@ def refine(
         J = np.column_stack([by_pose, risen, on_ring[seen], ~on_ring[seen]])
         residual = gap_px[seen] - J[:, 6:] @ rest
         weight = (1 + (residual / (settings.edge_outlier_sigmas * sigma_px)) ** 2) ** -2.0 / sigma_px**2
-        turned = single_rotation_vector(T.rotation @ T_cam_port.rotation.T)
-        away = np.concatenate([T.position_m - T_cam_port.position_m, turned, rest - [higher, 0, 0]])
+        away = np.concatenate([step_between(T_cam_port, T), rest - [higher, 0, 0]])
         normal_matrix = (J.T * weight) @ J + information
         step = np.linalg.solve(normal_matrix, (J.T * weight) @ residual - information @ away)
         T, rest = move(T, step[:6]), rest + step[6:]

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..geometry.rotations import equal_turns
+from ..geometry.rotations import equal_turns, step_between
 from ..settings import OURS, Settings
 from ..types import Estimate, Status
-from .gate import innovation, match
+from .gate import match
 from .motion_model import MotionState
 
 WAITING = 20  # answers that wait for the first pair of poses
@@ -47,7 +47,7 @@ class Discord:
         s = self.settings
         state = MotionState.start(before.t_us, before.T_cam_port, before.covariance, s.motion)
         close = match(state.predict(after.t_us), after, self._turns, s.motion.gate)
-        off = innovation(before.T_cam_port, after.T_cam_port, self._turns)
+        off = step_between(before.T_cam_port, after.T_cam_port, self._turns)
         far = np.linalg.norm(off[:3]) > s.right_position_m or np.linalg.norm(off[3:]) > s.right_rotation_rad
         self.agreed += close is not None and not close.is_rival
         self.contradicted += close is None and bool(far)

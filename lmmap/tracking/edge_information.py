@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.rotations import single_rotation_vector
+from ..geometry.rotations import step_between
 from ..settings import BetweenSettings
 from ..types import Pose
 from .edges import EdgeFinder
@@ -36,9 +36,7 @@ class EdgeInformation:
     def update(self, state: MotionState) -> MotionState:
         """A state of an earlier time, predicted and corrected."""
         state = state.predict(self.t_us)
-        turn = state.T_cam_port.rotation @ self.T_cam_port.rotation.T
-        off = np.concatenate([state.T_cam_port.position_m - self.T_cam_port.position_m,
-                              single_rotation_vector(turn)])  # fmt: skip
+        off = step_between(self.T_cam_port, state.T_cam_port)
         return state.inform(self.information, self.vector - self.information @ off)
 
 

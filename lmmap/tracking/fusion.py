@@ -140,19 +140,13 @@ class Fusion:
 
     def _repetition(self, camera: str, t_us: int) -> float:
         """1 for a camera's first estimate."""
-        if camera not in self.seen_us:
-            return 1.0
-        return repetition(1e-6 * (t_us - self.seen_us[camera]), self.motion.correlation_s)
+        last_us = self.seen_us.get(camera)
+        return 1.0 if last_us is None else repetition(1e-6 * (t_us - last_us), self.motion.correlation_s)
 
 
 @checked
-def fuse(
-    timed: Iterable[tuple[str, Estimate]],
-    yaw_period_rad: float,
-    rate_hz: float | None = None,
-    settings: Settings = OURS,
-    name: str = "fuse",
-) -> Iterator[Estimate]:
+def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: float | None = None,
+         settings: Settings = OURS, name: str = "fuse") -> Iterator[Estimate]:  # fmt: skip
     """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
     from the first, each of what came until then.
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.rotations import rotation_angle_rad, single_rotation_vector
-from ..types import Estimate, Pose, check_time
+from ..geometry.rotations import step_between
+from ..types import Estimate, check_time
 from .motion_model import MotionState
 
 ROUNDED = 1e-6  # of a correlation: what a table's digits may take from a covariance's symmetry
@@ -43,17 +43,10 @@ def match(track: MotionState, e: Estimate, turns: np.ndarray, gate: float) -> Ma
         S = rotate_covariance(e.covariance, e.T_cam_port.normal, e.rival.normal)
         choices.append((e.rival, S, True))
     for T, S, is_rival in choices:
-        y = innovation(track.T_cam_port, T, turns)
+        y = step_between(track.T_cam_port, T, turns)
         if y @ np.linalg.solve(track.pose_covariance + S, y) <= gate:
             return Match(y, S, is_rival)
     return None
-
-
-def innovation(T: Pose, measured: Pose, turns: np.ndarray) -> np.ndarray:
-    """Position difference (m) and smallest rotation vector from a pose to a measured one, (6,)."""
-    turned = measured.rotation @ turns @ T.rotation.T
-    nearest = turned[np.argmin(rotation_angle_rad(turned))]
-    return np.concatenate([measured.position_m - T.position_m, single_rotation_vector(nearest)])
 
 
 def rotate_covariance(covariance, normal, rival) -> np.ndarray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.rotations import move, single_rotation_matrix, single_rotation_vector
+from ..geometry.rotations import move, single_rotation_matrix, step_between
 from ..settings import OURS, MotionSettings
 from ..types import Pose
 
@@ -84,9 +84,7 @@ class MotionState:
 
     def update(self, T_cam_port: Pose, covariance) -> MotionState:
         """The same after a measured pose with its covariance (6, 6)."""
-        turned = single_rotation_vector(T_cam_port.rotation @ self.T_cam_port.rotation.T)
-        moved_m = T_cam_port.position_m - self.T_cam_port.position_m
-        return self.correct(np.concatenate([moved_m, turned]), covariance)
+        return self.correct(step_between(self.T_cam_port, T_cam_port), covariance)
 
     def correct(self, y, S) -> MotionState:
         """The same after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""

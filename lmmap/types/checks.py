@@ -22,18 +22,18 @@ MAX_TIME_US = 2**60  # either way: 36 000 years; sums and differences of such ti
 
 def check_number(name: str, value, low: float, high: float) -> None:
     """ValueError unless the value is a number from ``low`` to ``high``."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not low <= cast(float, value) <= high:
+    if not _lies_within(value, low, high):
         raise ValueError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r:.40}")
 
 
 def check_time(name: str, t_us) -> None:
     """ValueError unless the value is a time that fits 64 bits of microseconds."""
-    if (
-        isinstance(t_us, bool)
-        or not isinstance(t_us, Real)
-        or not -MAX_TIME_US <= cast(float, t_us) <= MAX_TIME_US
-    ):
+    if not _lies_within(t_us, -MAX_TIME_US, MAX_TIME_US):
         raise ValueError(f"{name}: expected a time that fits 64 bits of microseconds, got {t_us!r:.40}")
+
+
+def _lies_within(value, low: float, high: float) -> bool:
+    return not isinstance(value, bool) and isinstance(value, Real) and low <= cast(float, value) <= high
 
 
 def frozen_times(name: str, t_us) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,12 @@ class Pose:
     @classmethod
     def identity(cls) -> Pose:
         return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def stack(cls, poses: Sequence[Pose]) -> Pose:
+        """Single poses as one of shape (N,), also of none."""
+        rotation, position_m = [T.rotation for T in poses], [T.position_m for T in poses]
+        return cls(np.reshape(rotation, (-1, 3, 3)), np.reshape(position_m, (-1, 3)))
 
     def __matmul__(self, other):
         """``T_a_b @ T_b_c -> T_a_c`` and ``T_a_b @ p_b -> p_a`` for points of shape (..., 3)."""

@@ -57,27 +57,14 @@ class Recording:
 
 @runtime_checkable
 class AnyRecording(Protocol):
-    """What a `Recording` in memory and a stream from a file have in common."""
+    """What a `Recording` in memory and a stream from a file have in common: chunks (M,) EVENT, and
+    ``(t_us, (H, W, 3) u8)``, in the order of time."""
 
     @property
-    def name(self) -> str:
-        """What it is called."""
-        ...
-
+    def name(self) -> str: ...
     @property
-    def camera(self) -> Camera:
-        """The camera that recorded it."""
-        ...
-
+    def camera(self) -> Camera: ...
     @property
-    def truth(self) -> Trajectory | None:
-        """The true poses, where they are known."""
-        ...
-
-    def chunks(self) -> Iterator[np.ndarray]:
-        """Chunks (M,) EVENT in the order of time."""
-        ...
-
-    def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
-        """``(t_us, (H, W, 3) u8)`` in the order of time."""
-        ...
+    def truth(self) -> Trajectory | None: ...
+    def chunks(self) -> Iterator[np.ndarray]: ...
+    def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]: ...

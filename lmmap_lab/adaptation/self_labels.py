@@ -87,12 +87,9 @@ def choose(looks: Sequence[Look], poses: Sequence[Pose | None], most: int = MOST
     known = [i for i, T in enumerate(poses) if T is not None]
     if not known:
         return []
-    rotation, position_m = (
-        np.stack([getattr(poses[i], name) for i in known]) for name in ("rotation", "position_m")
-    )
     t_us = np.array([looks[i].estimate.t_us for i in known], float)
     period_us = max(np.ptp(t_us) / PERIODS, 1.0)
-    return [known[k] for k in spread(Pose(rotation, position_m), most, t_us[:, None] / period_us)]
+    return [known[k] for k in spread(Pose.stack([poses[i] for i in known]), most, t_us[:, None] / period_us)]
 
 
 class Labelled:

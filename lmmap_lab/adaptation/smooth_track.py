@@ -14,10 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmmap.geometry.rotations import equal_turns, move
+from lmmap.geometry.rotations import equal_turns, move, step_between
 from lmmap.settings import OURS, MotionSettings
 from lmmap.tracking.fusion import Fusion
-from lmmap.tracking.gate import innovation
 from lmmap.tracking.motion_model import MotionState
 from lmmap.types import Estimate
 
@@ -60,7 +59,7 @@ class SmoothTrack:
         if len(known) < 2:
             return self._still(t_us, known[0].T_cam_port, known[0].pose_covariance) if known else None
         first, second = known
-        y = innovation(first.T_cam_port, second.T_cam_port, self._turns)
+        y = step_between(first.T_cam_port, second.T_cam_port, self._turns)
         P, S = first.pose_covariance, first.pose_covariance + second.pose_covariance
         if y @ np.linalg.solve(S, y) > self._motion.gate:
             return None

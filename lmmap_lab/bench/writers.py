@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from lmmap.files import atomic
+from lmmap.recordings.order import checked_events, checked_frames
 from lmmap.recordings.pose_files import write_trajectory
-from lmmap.recordings.stream import checked_events, checked_frames
 from lmmap.types import InputError, Recording
 
 from . import aedat4_writer, hdf5_writer, rosbag_writer

@@ -34,10 +34,9 @@ def collect_detections(estimates: list[Estimate], motion: ArmMotion) -> Detectio
     detected = [e for e in estimates if e.T_cam_port is not None and span[0] <= e.t_us <= span[1]]
     default = np.diag(np.repeat([hand_eye.SIGMA_M**2, hand_eye.SIGMA_RAD**2], 3))
     covariance = [default if e.covariance is None else e.covariance for e in detected]
-    rotation = np.array([e.T_cam_port.rotation for e in detected]).reshape(-1, 3, 3)
-    position_m = np.array([e.T_cam_port.position_m for e in detected]).reshape(-1, 3)
+    poses = Pose.stack([e.T_cam_port for e in detected])
     arm = motion.sample([e.t_us for e in detected])
-    return Detections(Pose(rotation, position_m), np.array(covariance).reshape(-1, 6, 6), arm)
+    return Detections(poses, np.array(covariance).reshape(-1, 6, 6), arm)
 
 
 def calibrate_rig(bags: list[Detections], port: Port, ends: tuple[str, str],

@@ -97,9 +97,7 @@ def collect(timed: Iterable[TimedImage], estimator: Estimator, keep: Callable | 
             found.append((T, keep(image)))
         if len(found) > 2 * most:
             found = found[::2]
-    rotation = np.array([T.rotation for T, _ in found]).reshape(-1, 3, 3)
-    position_m = np.array([T.position_m for T, _ in found]).reshape(-1, 3)
-    return Views(Pose(rotation, position_m), [image for _, image in found], statuses)
+    return Views(Pose.stack([T for T, _ in found]), [image for _, image in found], statuses)
 
 
 def check(views: Views, name: str) -> None:

@@ -23,10 +23,10 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import window_histograms
 from lmmap.recordings.formats import open_recording
-from lmmap.recordings.pose_files import read_estimates, stack_poses, write_estimates
+from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import OURS, BetweenSettings
 from lmmap.tracking.between import Between
-from lmmap.types import Estimate, Port, Recording
+from lmmap.types import Estimate, Port, Pose, Recording
 
 from ..bench import sequences
 from ..bench.writers import write_recording
@@ -131,7 +131,7 @@ def errors(followed: Followed, recording: Recording, port: Port) -> pd.DataFrame
         chosen = [answers[k] for k in np.flatnonzero(known)]
         if not chosen:
             continue
-        T, true = stack_poses([e.T_cam_port for e in chosen]), truth[known]
+        T, true = Pose.stack([e.T_cam_port for e in chosen]), truth[known]
         d = pose_difference(T, true, port.yaw_period_rad)
         C = np.array([e.covariance for e in chosen])
         nees = np.einsum("ni,ni->n", d, np.linalg.solve(C, d[..., None])[..., 0])

@@ -17,10 +17,9 @@ from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.weights import FILTERS, weight_path
 from lmmap.recordings.formats import open_stream
-from lmmap.recordings.pose_files import stack_poses
 from lmmap.recordings.stream import Stream
 from lmmap.settings import MODALITIES, OURS
-from lmmap.types import Estimate, InputError, Port
+from lmmap.types import Estimate, InputError, Port, Pose
 from lmmap_readers.rig import Rig
 
 from ..provenance import DERIVED_DATA, save_json, save_table
@@ -187,7 +186,7 @@ def _study(bag: AuthorsBag, stream: Stream, estimates: list[Estimate], port: Por
     tables["errors"].append(errors.assign(light=bag.light, modality=modality, training=training))
     if gap == "low":
         posed, truth = true_poses(stream, [e for e in estimates if e.T_cam_port is not None])
-        pair = stack_poses([e.T_cam_port for e in posed]), truth
+        pair = Pose.stack([e.T_cam_port for e in posed]), truth
         tables["truths"].append((f"{bag.path.name}, {modality}", pair))
     if bag.light == "high" and gap == "low":
         try:

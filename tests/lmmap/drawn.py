@@ -54,7 +54,7 @@ def recording(frames: int = 12, step_us: int = STEP_US) -> Recording:
     times_us, poses = step_us // 2 * halves, [moved(START, k / 2 * STEP) for k in halves]
     e = events(poses, times_us, PAPER.events_per_window // 2, rng)
     pictures = np.array([frame(T, rng) for T in poses[::2]])
-    together = Pose(np.stack([T.rotation for T in poses]), np.stack([T.position_m for T in poses]))
+    together = Pose.stack(poses)
     return Recording("drawn", CAMERA, e, pictures, times_us[::2], Trajectory(times_us, together))
 
 

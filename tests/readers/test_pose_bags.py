@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from strategies import facing_pose, seeds
 from test_journal import some_estimates
 
+from lmmap.geometry.rotations import step_between
 from lmmap.recordings.pose_files import read_estimates
-from lmmap.tracking.gate import innovation
 from lmmap.types import Estimate, InputError, Pose, Status
 from lmmap_readers.pose_bags import STORES, TOPICS, PoseBag, messages
 
@@ -65,7 +65,7 @@ def test_reported_poses_come_back_on_both_topics_in_the_frames_that_were_named(t
 @given(seeds())
 def test_the_covariance_is_that_of_turns_about_the_fixed_axes_of_the_cameras_frame(seed):
     """A pose moved as ROS defines it is as far by the message's covariance as by the estimate's, in which
-    a track measures (`gate.innovation`)."""
+    a track measures (`rotations.step_between`)."""
     rng = np.random.default_rng(seed)
     T, S = facing_pose(*rng.uniform(0, 1, 3), (0.1, 0.0, 0.5)), np.cov(rng.standard_normal((6, 9)))
     posed, _ = messages(Estimate(5, Status.OK, T, covariance=S), STORES[".mcap"].types, "camera", "port")
@@ -73,7 +73,7 @@ def test_the_covariance_is_that_of_turns_about_the_fixed_axes_of_the_cameras_fra
     pose = pose_of(posed.pose.pose.position, posed.pose.pose.orientation)
     turn = Rotation.from_euler("xyz", step[3:]).as_matrix()  # small letters: about fixed axes, one by one
     moved = Pose(turn @ pose.rotation, pose.position_m + step[:3])
-    y = innovation(T, moved, np.eye(3)[None])
+    y = step_between(T, moved)
     told = step @ np.linalg.solve(posed.pose.covariance.reshape(6, 6), step)
     assert told == pytest.approx(y @ np.linalg.solve(S, y), rel=1e-3)
 

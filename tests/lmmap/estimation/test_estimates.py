@@ -15,11 +15,12 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
-from lmmap.pipeline import agreement, circle
+from lmmap.pipeline import circle
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.looks import look_again
 from lmmap.pipeline.masks import markers_box_px, reflector_mask
 from lmmap.pipeline.network import MaskNetwork
+from lmmap.pipeline.setup import Setup
 from lmmap.settings import OURS, PAPER, PerCamera
 from lmmap.types import Camera, Estimate, InputError, Port, Pose, Status
 
@@ -121,8 +122,9 @@ class Toy:
         answer = Estimate(t_us, statuses[kind], seen, doubtful=doubtful, confidence=confidence)
         return look_again(self, answer, image, t_us, None, wider)
 
-    def together(self, estimates):
-        return agreement.together(estimates, "event", Port.lm_map(), self.settings)
+    @property
+    def setup(self):
+        return Setup(Port.lm_map(), Camera.davis346(), "event", self.settings)
 
 
 def shot_of(first, wider):

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from strategies import PORT, pose
+from strategies import CAMERA, PORT, pose
 
 from lmmap.pipeline import agreement
+from lmmap.pipeline.setup import Setup
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Estimate, Pose, Status
 
@@ -23,7 +24,7 @@ def moved(position_m=(0, 0, 0), turn_rad=(0, 0, 0)):
 
 
 def together(*looks, **changes):
-    return agreement.together(looks, "event", PORT, replace(OURS, **changes))
+    return agreement.together(looks, Setup(PORT, CAMERA, "event", replace(OURS, **changes)))
 
 
 def test_poses_that_agree_are_wrong_only_if_both_are():

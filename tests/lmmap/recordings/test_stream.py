@@ -8,7 +8,8 @@ from library_files import WRITERS, write_recording
 from strategies import cut
 
 from lmmap.recordings.formats import open_recording, open_stream
-from lmmap.recordings.stream import Source, Stream, checked_events, checked_frames, in_chunks
+from lmmap.recordings.order import checked_events, checked_frames
+from lmmap.recordings.stream import Source, Stream, in_chunks
 from lmmap.types import EVENT, Camera, InputError
 
 SIZE_PX = 64, 48
