@@ -234,6 +234,8 @@ def test_a_camera_is_named(tmp_path):
         Camera.load(f"{tmp_path}/two.yaml:cam7")
     with pytest.raises(InputError, match="no such file"):
         Camera.load(f"{tmp_path}/three.yaml:cam1")
+    with pytest.raises(InputError, match="expected FILE:NAME, got no name"):
+        Camera.load(f"{tmp_path}/two.yaml:")
 
 
 def test_a_camera_that_is_not_taken_may_have_any_lens(tmp_path):
