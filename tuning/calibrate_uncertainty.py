@@ -29,14 +29,13 @@ from lmmap.pipeline import circle, refine, yaw
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import reflector_mask
 from lmmap.pipeline.ring import find_ring
-from lmmap.recordings.formats import open_recording
 from lmmap.refinement import joint, uncertainty
 from lmmap.refinement.contour import Contour
 from lmmap.settings import OURS
-from lmmap.types import Camera, Port, Pose
+from lmmap.types import Camera, Port, Pose, Recording
 from lmmap_lab.bench import laboratory, sequences
-from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.between_images import kept_recording
 from lmmap_lab.studies.chart_errors import chart_nees
 
 SEQUENCES = [f"realistic-{i}" for i in range(1001, 1101)] + [f"augmented-{i}" for i in range(1001, 1019)]
@@ -46,12 +45,8 @@ YAW_MARGINS, OTHER_PERCENT = np.arange(0, 0.41, 0.05).round(2), 1.0
 WORST = 50.0  # squared Mahalanobis distance beyond which a pose is wrong, and how wrong does not matter
 
 
-def recording(name: str):
-    path = DERIVED_DATA / "calibration" / f"{name}.h5"
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_recording(sequences.simulate(name, SECONDS), path)
-    return open_recording(path)
+def recording(name: str) -> Recording:
+    return kept_recording(name, SECONDS, DERIVED_DATA / "calibration", sequences.OUR_SETUP)
 
 
 def measured(estimator: Estimator, name: str):

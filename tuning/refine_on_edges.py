@@ -19,8 +19,8 @@ import judged_images
 import numpy as np
 import pandas as pd
 import wrong_poses
+from calibrate_uncertainty import difference, mahalanobis
 from scipy.optimize import linprog
-from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rotation_error_rad
@@ -32,15 +32,6 @@ REGION = chi2.ppf(0.95, 6)
 HELD = 0.95  # of the right poses
 BASE = replace(wrong_poses.EVERY_POSE, edge_inflation=PerCamera(1.0, 1.0), edge_fading=PerCamera(0.0, 0.0))
 ESTIMATORS = {"before": replace(BASE, edge_rounds=0), "after": BASE}
-
-
-def squared_distance(T, covariance, truth) -> float:
-    """Squared Mahalanobis distance of a pose from the truth, of the port's alike turns the nearest."""
-    turns = Rotation.from_rotvec(np.outer(np.arange(PORT.symmetry) * PORT.yaw_period_rad, [0, 0, 1]))
-    rotations = Rotation.from_matrix(T.rotation @ np.swapaxes(truth.rotation @ turns.as_matrix(), 1, 2))
-    nearest = rotations[int(rotations.magnitude().argmin())].as_rotvec()
-    error = np.concatenate([T.position_m - truth.position_m, nearest])
-    return float(error @ np.linalg.solve(covariance, error))
 
 
 def poses(set_name: str, modality: str, weights: str) -> list[dict]:
@@ -55,10 +46,11 @@ def poses(set_name: str, modality: str, weights: str) -> list[dict]:
                 T, truth = estimate.T_cam_port, look.truth
                 if T is None or position_error_m(T, truth) > OURS.right_position_m:
                     break
+                off = difference(T, truth, PORT)
                 row |= {f"{name} position_mm": 1e3 * position_error_m(T, truth),
                         f"{name} normal_deg": np.rad2deg(normal_error_rad(T, truth)),
                         f"{name} rotation_deg": np.rad2deg(rotation_error_rad(T, truth, PORT.yaw_period_rad)),
-                        f"{name} distance": squared_distance(T, estimate.covariance, truth)}  # fmt: skip
+                        f"{name} distance": mahalanobis(off[None], estimate.covariance[None])[0]}  # fmt: skip
             else:
                 if row["before rotation_deg"] < np.rad2deg(OURS.right_rotation_rad):
                     rows.append(row | {"score": estimate.marker_score})

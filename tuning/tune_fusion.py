@@ -29,15 +29,14 @@ from lmmap.estimation.estimates import estimate, merge_by_time
 from lmmap.evaluation.pose_errors import normal_error_rad, pose_difference, position_error_m, true_poses
 from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
-from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import MODALITIES, OURS, MotionSettings
 from lmmap.tracking.fusion import fuse
 from lmmap.tracking.within_limits import is_certain
 from lmmap.types import Port, Pose, Status
 from lmmap_lab.bench import sequences
-from lmmap_lab.bench.writers import write_recording
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_json, save_table
+from lmmap_lab.studies.between_images import kept_recording
 from lmmap_lab.studies.sequence_files import estimates_fingerprint
 
 SEQUENCES = [f"realistic-{i}" for i in range(1101, 1113)]
@@ -50,12 +49,8 @@ LOST_S = (0.2, 0.3, 0.5, 0.8, 1.2)
 
 def measured(name: str):
     """The recording of a sequence and its estimates by modality; made once for each estimator."""
-    folder = DERIVED_DATA / "fusion"
-    folder.mkdir(parents=True, exist_ok=True)
-    path, mark = folder / f"{name}.h5", estimates_fingerprint("*", OURS.weights)[:8]
-    if not path.exists():
-        write_recording(sequences.simulate(name, SECONDS), path)
-    recording, estimates = open_recording(path), {}
+    folder, mark = DERIVED_DATA / "fusion", estimates_fingerprint("*", OURS.weights)[:8]
+    recording, estimates = kept_recording(name, SECONDS, folder, sequences.OUR_SETUP), {}
     for modality in MODALITIES:
         table = folder / f"{name}-{modality}-{mark}.csv"
         if not table.exists():

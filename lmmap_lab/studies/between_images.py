@@ -61,12 +61,12 @@ class Followed:
     updates: int
 
 
-def kept_recording(name: str, seconds: float, folder: Path) -> Recording:
-    """A sequence of the bench with events as fine as this study needs; made once."""
+def kept_recording(name: str, seconds: float, folder: Path, setup: sequences.Setup = SETUP) -> Recording:
+    """A sequence of the bench, by default with events as fine as this study needs; made once."""
     path = folder / f"{name}.h5"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        write_recording(sequences.simulate(name, seconds, setup=SETUP), path)
+        write_recording(sequences.simulate(name, seconds, setup=setup), path)
     return open_recording(path)
 
 
