@@ -9,6 +9,7 @@ import platform
 import subprocess
 import warnings
 from collections.abc import Callable, Iterable
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
@@ -127,7 +128,12 @@ def provenance(**facts) -> dict:
     """
     return {"processor": processor(), **facts, "commit": commit(), "precision": os.environ["LMMAP_PRECISION"],
             "port": port_mark(), "python": platform.python_version(), "machine": platform.machine(),
-            **{name: version(name) for name in PACKAGES}}  # fmt: skip
+            **_versions()}  # fmt: skip
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in PACKAGES}
 
 
 def _provenance_of(path: Path, facts: dict) -> dict:

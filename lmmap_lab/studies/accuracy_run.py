@@ -205,10 +205,12 @@ def _tabulate(profile: str, study: Study) -> None:
     tests = {light: _tests(profile, light) for light in LIGHTS}
     tables = accuracy_tables.tables(folder, tests, sequences_of(profile), study.draws)
     facts = {"profile": profile, "seed": SEED, "draws": study.draws, "block_s": BLOCK_S}
-    for target in [folder, study.committed] if profile == "paper" else [folder]:
-        for name, table in tables.items():
-            save_table(target / f"{name}.csv", table, **facts)
-        save_table(target / "claims.csv", claims_of(target), **facts)
+    for name, table in tables.items():
+        save_table(folder / f"{name}.csv", table, **facts)
+    tables["claims"] = claims_of(folder)
+    save_table(folder / "claims.csv", tables["claims"], **facts)
+    for name, table in tables.items() if profile == "paper" else ():
+        save_table(study.committed / f"{name}.csv", table, **facts)
 
 
 def claims_of(folder: Path) -> pd.DataFrame:

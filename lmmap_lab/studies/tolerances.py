@@ -16,13 +16,13 @@ MEASURED, TRACKED = ("as printed", "exact circle"), ("confident", "fused")  # ru
 ALL, NORMAL = "all limits", "the normal's alone"
 
 
-def wrong_percent(tables: Sequence[pd.DataFrame], factor: float, limits: str = ALL) -> float:
-    """Percentage of the images in view whose pose is wrong, with the limits of `OURS` times a factor.
+def wrong_percent(errors: pd.DataFrame, factor: float, limits: str = ALL) -> float:
+    """Percentage of the images whose pose is wrong, with the limits of `OURS` times a factor.
 
     Parameters
     ----------
-    tables
-        `error_table.errors` of sequences.
+    errors
+        `error_table.errors` of images with the ring in view.
     limits
         `ALL` of them, or `NORMAL`, so that nothing else makes a pose wrong.
     """
@@ -33,7 +33,7 @@ def wrong_percent(tables: Sequence[pd.DataFrame], factor: float, limits: str = A
         right_normal_rad=factor * OURS.right_normal_rad,
         right_rotation_rad=elsewhere * OURS.right_rotation_rad,
     )
-    return 100 * float(is_wrong(pd.concat(tables).query("in_view"), settings=settings).mean())
+    return 100 * float(is_wrong(errors, settings=settings).mean())
 
 
 def table(measured: Sequence[pd.DataFrame], tracked: dict[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
@@ -46,10 +46,11 @@ def table(measured: Sequence[pd.DataFrame], tracked: dict[str, Sequence[pd.DataF
     tracked
         By each of `TRACKED`: `error_table.errors` of sequences.
     """
-    rungs = {name: [t[t.rung == name] for t in measured] for name in MEASURED} | tracked
+    tables = {name: [t[t.rung == name] for t in measured] for name in MEASURED} | tracked
+    rungs = {name: pd.concat(parts).query("in_view") for name, parts in tables.items()}
     normal_deg = np.rad2deg(OURS.right_normal_rad)
     return pd.DataFrame([
         {"rung": rung, "limits": limits, "factor": factor, "normal_deg": factor * normal_deg,
-         "wrong_percent": wrong_percent(tables, factor, limits)}
-        for rung, tables in rungs.items() for limits in (ALL, NORMAL) for factor in FACTORS
+         "wrong_percent": wrong_percent(errors, factor, limits)}
+        for rung, errors in rungs.items() for limits in (ALL, NORMAL) for factor in FACTORS
     ])  # fmt: skip

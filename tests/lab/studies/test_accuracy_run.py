@@ -173,8 +173,9 @@ def test_on_another_machine_a_study_goes_on_from_what_is_packed(paper, tmp_path)
     assert not accuracy_run.reproduce("paper", lines.append, go_on=True, study=study)
 
 
-def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_path):
+def test_what_is_packed_is_not_taken_unasked_nor_of_another_version(paper, tmp_path, monkeypatch):
     made = Estimates()
+    monkeypatch.setattr(accuracy_run, "_tabulate", lambda profile, study: None)  # tables are not asked for
 
     def run(folder, **options):
         go_on = options.pop("go_on", False)

@@ -15,10 +15,10 @@ def errors(**columns):
 def test_the_normal_alone_is_one_of_three_limits():
     """At our limits (20 mm, 5 and 10 deg) the first two are wrong, one of them by its normal."""
     table = errors(normal_error_deg=[6.0, 1, 1, np.nan], position_error_m=[0.001, 0.030, 0.001, np.nan])
-    assert tolerances.wrong_percent([table], 1.0) == pytest.approx(50)
-    assert tolerances.wrong_percent([table], 1.0, tolerances.NORMAL) == pytest.approx(25)
-    assert tolerances.wrong_percent([table], 2.0) == 0  # 40 mm and 10 deg
-    assert tolerances.wrong_percent([table], 0.02) == pytest.approx(75)  # a missing pose is never wrong
+    assert tolerances.wrong_percent(table, 1.0) == pytest.approx(50)
+    assert tolerances.wrong_percent(table, 1.0, tolerances.NORMAL) == pytest.approx(25)
+    assert tolerances.wrong_percent(table, 2.0) == 0  # 40 mm and 10 deg
+    assert tolerances.wrong_percent(table, 0.02) == pytest.approx(75)  # a missing pose is never wrong
 
 
 def test_images_out_of_view_do_not_count_and_wider_limits_never_add_wrong_poses():
