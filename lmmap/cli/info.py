@@ -8,7 +8,6 @@ from argparse import Namespace
 from .. import plugins
 from ..pipeline.rescale import is_short, trained_range_m
 from ..recordings.formats import format_name
-from ..recordings.health import health
 from ..types import Camera, InputError, Port
 from .choices import DEFAULT_WEIGHTS
 from .inputs import find_rig, open_input
@@ -28,7 +27,8 @@ def info(a: Namespace) -> None:
     It needs no calibration: without one, only the lens is unknown.
     """
     stream = open_input(a, checked=False)
-    facts = {"format": format_name(a.recording), "sensor": None} | stream.source.details() | health(stream)
+    facts = {"format": format_name(a.recording), "sensor": None} | stream.source.details()
+    facts |= plugins.needed("health", "info")(stream)
     if not facts["events"] and not facts["frames"]:
         raise InputError(f"{a.recording}: holds neither events nor frames; record again")
     if of_size := plugins.reader("sensors"):

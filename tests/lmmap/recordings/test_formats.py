@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from library_files import WRITERS, write_recording
 
 from lmmap.recordings.formats import open_recording, open_stream, suffixes
-from lmmap.recordings.health import health
 from lmmap.types import EVENT, Camera, InputError, Pose, Recording, Trajectory
+from lmmap_readers.health import health
 
 CAMERA = Camera(64, 48, 60.0, 60.0, 31.5, 23.5)
 

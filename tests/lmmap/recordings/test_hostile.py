@@ -20,10 +20,10 @@ from lmmap.cli.progress import Bar
 from lmmap.recordings import bounded_bag, formats, stream
 from lmmap.recordings.formats import open_recording, open_stream
 from lmmap.recordings.hdf5_datasets import rows_at_once
-from lmmap.recordings.health import health
 from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_TIME_US
 from lmmap.recordings.pose_files import read_truth
 from lmmap.types import EVENT, Camera, InputError, Port, Recording
+from lmmap_readers.health import health
 
 
 @pytest.fixture(scope="session")  # of a module, it would be made anew when a worker comes back to it

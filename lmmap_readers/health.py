@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from .. import plugins
-from ..settings import scaled_count
-from ..types import InputError, Recording, on_sensor
-from .stream import Stream
+from lmmap.recordings.stream import Stream
+from lmmap.settings import scaled_count
+from lmmap.types import InputError, Recording, on_sensor
+
+from . import clocks
 
 MAX_SENSOR_PIXELS = 2**23  # where no calibration says the size; the largest event cameras have 0.9 million
 
@@ -47,7 +48,7 @@ def health(recording: Recording | Stream) -> dict:
     window = scaled_count((width, height))
     return {
         "events": events, "frames": len(frames_t_us), "width_px": width, "height_px": height,
-        "duration_s": duration_s, **(clocks(*both) if (clocks := plugins.reader("clocks")) else {}),
+        "duration_s": duration_s, **clocks.facts(*both),
         "event_rate_hz": events / duration_s if duration_s else 0.0,
         "frame_rate_hz": _rate_hz(frames_t_us), "on_fraction": on / events if events else 0.0,
         "largest_gap_ms": float(largest_us) * 1e-3, "gaps_over_10_ms": int(gaps),
