@@ -20,7 +20,6 @@ import joblib
 import pandas as pd
 
 from lmmap.files import write_text
-from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.settings import MODALITIES, OURS
 from lmmap_lab.bench import laboratory
@@ -29,6 +28,7 @@ from lmmap_lab.studies import accuracy_run, sequence_files, tracks
 from lmmap_lab.studies.archive import pack, unpack
 from lmmap_lab.studies.networks import set_hashes
 from lmmap_lab.studies.table1 import LIGHTS
+from lmmap_lab.unfinished import has_mark
 
 TUNING, SECONDS = [f"realistic-{n}" for n in range(2401, 2413)], 6.0
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 from ..pipeline.estimator import Estimator
-from ..tracking.discord import in_accord
+from ..tracking.discord import watched
 from ..tracking.tracker import Tracker
 from ..types import EVENT, AnyRecording, Estimate
 from .estimates import in_place
@@ -19,14 +19,14 @@ def track(
     recording: AnyRecording, estimators: Mapping[str, Estimator], rate_hz: float | None,
     between_hz: float | None, name: str,
 ) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
-    """`track_images` of a recording by all estimators; `in_accord`, whose warning begins with ``name``, and
+    """`track_images` of a recording by all estimators; `watched`, whose warning begins with ``name``, and
     `in_place`."""
     shots = [timed_images(recording, m, e.settings, rate_hz) for m, e in estimators.items()]
     timed = heapq.merge(*shots, key=lambda shot: shot.t_us)
     tracker = Tracker(*estimators.values(), events=bool(between_hz))
     answers = track_images(timed, tracker, recording.chunks() if between_hz else (), between_hz)
     settings = next(iter(estimators.values())).settings
-    return in_place(in_accord(answers, tracker.discord, name), settings)
+    return in_place(watched(answers, tracker.discord, name), settings)
 
 
 def track_images(

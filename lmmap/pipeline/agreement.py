@@ -38,7 +38,7 @@ def alike(a: Pose, b: Pose, port: Port, settings: Settings) -> bool:
     )
 
 
-def confidence_together(p: float, q: float, agree: bool, independence: float) -> float:
+def joined_confidence(p: float, q: float, agree: bool, independence: float) -> float:
     """Probability that the first of two poses is right, by their own probabilities.
 
     Poses that agree are wrong only if both are: ``1 - (1 - p) (1 - q)^independence``.  Of poses that do not
@@ -49,7 +49,7 @@ def confidence_together(p: float, q: float, agree: bool, independence: float) ->
     return p * (1 - q) / max(1 - p * q, 1e-12)
 
 
-def together(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
+def joined(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
     """The answer of several looks at one image: the most confident pose, judged by the others, and
     reported from the modality's ``min_confidence`` on.  Without any pose it is the first look's."""
     settings = setup.settings
@@ -61,5 +61,5 @@ def together(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
     for other in with_pose:
         if other is not best:
             agree = alike(best.found, other.found, setup.port, settings)
-            confidence = confidence_together(confidence, other.confidence, agree, settings.look_independence)
+            confidence = joined_confidence(confidence, other.confidence, agree, settings.look_independence)
     return best.judged(confidence, settings.min_confidence[setup.modality])

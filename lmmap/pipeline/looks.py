@@ -18,7 +18,7 @@ import numpy as np
 
 from ..settings import Settings
 from ..types import Estimate
-from .agreement import alike, in_doubt, needs_more_events, together
+from .agreement import alike, in_doubt, joined, needs_more_events
 from .masks import Expected
 from .network import TurnedToo
 from .rescale import enlarged_cameras
@@ -40,7 +40,7 @@ def further_looks(estimator, learned=None) -> list[FurtherLook]:
     if settings.turned_look:
         ring, reflectors = TurnedToo(estimator.ring_network), TurnedToo(estimator.reflector_network)
         turned = one_look(estimator, ring_network=ring, reflector_network=reflectors)
-        looks.append(FurtherLook(turned, in_doubt, _joined(estimator)))
+        looks.append(FurtherLook(turned, in_doubt, _join(estimator)))
     for grid in enlarged_cameras(estimator.camera, estimator.modality, settings):
         looks.append(FurtherLook(one_look(estimator, grid=grid), _has_no_pose, _first_with_pose))
     if learned is not None:
@@ -55,7 +55,7 @@ def look_again(estimator, answer: Estimate, image: np.ndarray, t_us: int, near: 
     """The answer to an image after all looks that it needs, of what `Estimator` was called with."""
     looks = estimator.further
     if wider is not None:
-        wide = FurtherLook(lambda *_: estimator(wider[1], wider[0]), needs_more_events, _joined(estimator))
+        wide = FurtherLook(lambda *_: estimator(wider[1], wider[0]), needs_more_events, _join(estimator))
         looks = [*looks, wide]
     for look in looks:
         if (near is None or look.expected) and look.needed(answer, estimator.settings):
@@ -80,14 +80,14 @@ def second_opinion(estimator, learned, first: Estimate, second: Estimate) -> Est
     agree = second.found is not None and alike(first.found, second.found, estimator.port, settings)
     if not agree and second.confidence < settings.min_confidence[modality]:
         return first
-    both = together([first, second], estimator.setup)
+    both = joined([first, second], estimator.setup)
     if agree or both.found is first.found:
         return both
     return both.judged(both.confidence, learned.settings.min_confidence[modality])
 
 
-def _joined(estimator) -> Callable[[Estimate, Estimate], Estimate]:
-    return lambda *both: together(both, estimator.setup)
+def _join(estimator) -> Callable[[Estimate, Estimate], Estimate]:
+    return lambda *both: joined(both, estimator.setup)
 
 
 def _has_no_pose(answer: Estimate, settings: Settings) -> bool:

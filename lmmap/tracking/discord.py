@@ -72,7 +72,7 @@ class Discord:
             warnings.warn(f"{name}: {text}; {question}", stacklevel=2)
 
 
-def in_accord(answers: Iterable[tuple], discord: Discord, name: str) -> Iterator[tuple]:
+def watched(answers: Iterable[tuple], discord: Discord, name: str) -> Iterator[tuple]:
     """``(image, estimate)`` as they come, ``unsure`` while the cameras contradict each other throughout; a
     warning at the end says so.  The first answers wait until two poses have been compared."""
     waiting = []

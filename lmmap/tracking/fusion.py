@@ -26,7 +26,7 @@ import numpy as np
 from ..geometry.rotations import equal_turns
 from ..settings import OURS, MotionSettings, Settings
 from ..types import Estimate, Status, check_number, check_time, checked
-from .discord import Discord, in_accord
+from .discord import Discord, watched
 from .gate import check_pair, match
 from .motion_model import MotionState, repetition
 from .within_limits import probability_within_limits
@@ -152,7 +152,7 @@ def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: 
 
     Their ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
     within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``, as it
-    is while the cameras contradict each other throughout (`discord.in_accord`); a warning that begins with
+    is while the cameras contradict each other throughout (`discord.watched`); a warning that begins with
     ``name`` says so.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
@@ -183,7 +183,7 @@ def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: 
             yield camera, e
 
     answers = ((None, e) for e in _fused(heard(), yaw_period_rad, rate_hz, settings))
-    return (e for _, e in in_accord(answers, discord, name))
+    return (e for _, e in watched(answers, discord, name))
 
 
 def _fused(timed, yaw_period_rad: float, rate_hz: float | None, settings: Settings) -> Iterator[Estimate]:

@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from lmmap.estimation.images import timed_images
 from lmmap.files import atomic, lock, temporary, writes
-from lmmap.marks import MARK, as_mark, begin_folder, check_mark, check_own, remove_folder
+from lmmap.marks import as_mark, check_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.network import FilterNet, MaskNetwork
 from lmmap.pipeline.weights import BEFORE, FILTERS, before, network_paths
@@ -32,6 +32,7 @@ from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import round_trip
 from lmmap.settings import MODALITIES, OURS
 from lmmap.types import AnyRecording, InputError, Port
+from lmmap_lab.unfinished import MARK, begin_folder, check_own, remove_folder
 
 from ..training.recipe import Recipe
 from . import learning, self_labels

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 
 from lmmap.files import atomic, regular_file
-from lmmap.marks import MARK, begin_folder, has_mark
 from lmmap.types import EVENT, Camera
+from lmmap_lab.unfinished import MARK, begin_folder, has_mark
 
 from .event_sensor import EventSensor
 from .hdf5_writer import new_file

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import joblib
 
-from lmmap.marks import remove_folder
 from lmmap.types import Camera, InputError
+from lmmap_lab.unfinished import remove_folder
 
 from . import sequences
 from .writers import write_recording

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
-from lmmap.marks import remove_folder
 from lmmap.types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
+from lmmap_lab.unfinished import remove_folder
 from lmmap_readers.rig import Rig
 
 from ..bench import rosbag_writer, sequences

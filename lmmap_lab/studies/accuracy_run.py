@@ -14,13 +14,13 @@ from lmmap.allocator import tune_allocator
 from lmmap.estimation.estimates import merge_by_time
 from lmmap.evaluation import error_table
 from lmmap.files import write_text
-from lmmap.marks import has_mark
 from lmmap.pipeline.network import best_precision
 from lmmap.pipeline.weights import shipped_sets
 from lmmap.recordings.pose_files import write_estimates
 from lmmap.settings import MODALITIES, OURS, PAPER
 from lmmap.tracking.fusion import fuse
 from lmmap.types import Port
+from lmmap_lab.unfinished import has_mark
 
 from ..bench import laboratory, sequences
 from ..provenance import DATA, DERIVED_DATA, PINS, fingerprint, load_table, save_json, save_table

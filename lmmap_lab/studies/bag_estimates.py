@@ -10,7 +10,6 @@ from tqdm import tqdm
 from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import timed_images
 from lmmap.files import write_text, writes
-from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.recordings.formats import open_stream
@@ -18,6 +17,7 @@ from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import read_estimates
 from lmmap.recordings.stream import Stream
 from lmmap.types import Estimate, InputError, Port
+from lmmap_lab.unfinished import has_mark
 from lmmap_readers.rig import RIG_FILE, Rig
 
 from ..adaptation.adapt import adapt

@@ -9,7 +9,6 @@ from pathlib import Path
 from lmmap.estimation.estimates import each_image, estimate
 from lmmap.estimation.images import timed_images
 from lmmap.files import write_text
-from lmmap.marks import has_mark
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.image_estimator import settings_for
 from lmmap.pipeline.network import best_precision
@@ -17,6 +16,7 @@ from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import as_row, read_estimates, write_estimates
 from lmmap.settings import Settings
 from lmmap.types import Estimate, Port, Recording
+from lmmap_lab.unfinished import has_mark
 
 from ..bench import sequences, simulate
 from ..provenance import PINS, fingerprint, save_table

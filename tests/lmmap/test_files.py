@@ -11,7 +11,7 @@ from strategies import facing_pose
 from lmmap.camera_files import write_fields
 from lmmap.drawing.video import Video
 from lmmap.files import atomic, check_output, lock, temporary, write_text
-from lmmap.marks import MARK, begin_folder, check_own, check_same, remove_folder
+from lmmap.marks import check_same
 from lmmap.recordings.journal import Journal
 from lmmap.recordings.pose_files import write_estimates, write_trajectory
 from lmmap.types import Camera, Estimate, InputError, Pose, Status
@@ -146,31 +146,6 @@ def test_an_output_that_is_not_there_yet_may_be_an_input_by_another_name(tmp_pat
     (tmp_path / "g").symlink_to(tmp_path / "f")
     with pytest.raises(InputError, match="is also read as"):
         check_output(tmp_path / "f" / "p.mp4", [tmp_path / "g" / "p.mp4"])
-
-
-@pytest.mark.parametrize("kind", ["folder", "link", "file", "pipe"])
-def test_what_is_not_ours_is_neither_used_nor_removed(tmp_path, kind):
-    path, mine = tmp_path / "o.parts", tmp_path / "mine"
-    mine.mkdir()
-    (mine / MARK).write_text("{}")
-    makers = {"folder": path.mkdir, "link": lambda: path.symlink_to(mine), "file": path.touch}
-    makers.get(kind, lambda: os.mkfifo(path))()
-    before = path.lstat()
-    for refuses in (check_own, lambda path: begin_folder(path, "{}")):
-        with pytest.raises(InputError, match="is not ours to replace"):
-            refuses(path)
-    assert path.lstat() == before and names(mine) == {MARK}
-
-
-def test_an_own_folder_is_begun_anew_and_goes(tmp_path):
-    path = tmp_path / "o.parts"
-    for mark in ("a", "b"):
-        begin_folder(path, mark)
-        assert names(path) == {MARK} and (path / MARK).read_text() == mark
-        (path / "part").touch()
-    remove_folder(path)
-    remove_folder(path)
-    assert not names(tmp_path)
 
 
 def test_what_differs_is_named(tmp_path):

@@ -24,7 +24,7 @@ def moved(position_m=(0, 0, 0), turn_rad=(0, 0, 0)):
 
 
 def together(*looks, **changes):
-    return agreement.together(looks, Setup(PORT, CAMERA, "event", replace(OURS, **changes)))
+    return agreement.joined(looks, Setup(PORT, CAMERA, "event", replace(OURS, **changes)))
 
 
 def test_poses_that_agree_are_wrong_only_if_both_are():
@@ -46,8 +46,8 @@ def test_of_poses_that_do_not_agree_at_most_one_is_right():
 def test_agreement_never_lowers_and_contradiction_never_raises_a_confidence(independence):
     for p in np.linspace(0, 1, 11):
         for q in np.linspace(0, p, 6):
-            assert agreement.confidence_together(p, q, True, independence) >= p - 1e-12
-            assert agreement.confidence_together(p, q, False, independence) <= p + 1e-12
+            assert agreement.joined_confidence(p, q, True, independence) >= p - 1e-12
+            assert agreement.joined_confidence(p, q, False, independence) <= p + 1e-12
 
 
 def test_two_doubtful_looks_that_agree_give_a_pose():
