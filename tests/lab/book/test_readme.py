@@ -7,8 +7,11 @@ import pytest
 
 from lmmap.settings import OURS
 from lmmap.types import Pose
+from lmmap_lab.pages import intro_page
 from lmmap_lab.provenance import DATA, ROOT
+from lmmap_lab.studies.accuracy_run import COMMITTED
 from lmmap_lab.studies.table1 import LIGHTS
+from lmmap_lab.studies.verdicts import FAILS, HOLDS, NO_CLAIM, PARTLY, UNTESTED
 
 
 def test_five_lines_of_python(monkeypatch, capsys):
@@ -46,3 +49,32 @@ def test_its_shares_of_the_test_sequences_are_those_of_the_table():
     for modality, what in words.items():
         assert f"{', '.join(f'{r:.0f}' for r in right[modality])} % {what}" in text
         assert f"{wrong[modality]:.1f} % {what}" in text
+
+
+def test_its_verdicts_are_those_of_the_claims():
+    claims = pd.read_csv(COMMITTED / "claims.csv").set_index("key")
+    text = " ".join((ROOT / "README.md").read_text().split())
+    count = claims.verdict.value_counts()
+    assert (
+        f"Of the paper's {(~claims.verdict.isin(NO_CLAIM)).sum()} claims, {count[HOLDS]} hold on the bench, "
+        f"{count[PARTLY]} hold partly, {count[FAILS]} do not hold, and {count[UNTESTED]} cannot be tested here"
+    ) in text
+    holds = ["alike_low_gap", "one_pixel_inclined", "false_detections", "odometry_not_enough"]
+    fails = ["events_win", "slow_blinds_events", "reflect_blinds_frames"]
+    assert (claims.verdict[holds] == HOLDS).all() and (claims.verdict[fails] == FAILS).all()
+    ours, paper = (claims[column].str.split(" | ", regex=False) for column in ("ours", "paper"))
+    for key, camera, images in (
+        ("slow_blinds_events", 1, "histograms"),
+        ("reflect_blinds_frames", 0, "frames"),
+    ):
+        assert re.search(
+            rf"in {ours[key][camera]} % of the {images} \({paper[key][camera]} %( in the paper)?\)", text
+        )
+
+
+def test_it_counts_the_clean_pictures_of_the_table():
+    pictures = (pd.read_csv(DATA / folder / "pictures.csv") for folder in ("results", "paper"))
+    clean = intro_page.clean_pictures(*pictures)
+    text = " ".join((ROOT / "README.md").read_text().split())
+    assert f"{len(clean)} published pictures show" in text and clean.ring_right.all()
+    assert f"find the ring in all {len(clean)} and a pose in {(clean.status == 'ok').sum()}." in text
