@@ -19,7 +19,7 @@ from jupyter_cache.executors.utils import single_nb_execution
 from lmmap_icons import slim
 from lmmap_notebooks import known_numbers, readable
 from lmmap_settings import hide_signature, list_fields
-from lmmap_sources import sources
+from lmmap_sources import PACKAGES, origins, sources
 from myst_nb.core.read import create_nb_reader
 from PIL import Image
 from sphinx.addnodes import pending_xref
@@ -98,6 +98,11 @@ def has_slider(node) -> bool:
     return any('class="steps"' in raw.astext() for raw in node.findall(nodes.raw))
 
 
+def has_table(node) -> bool:
+    """Whether a cell's output is a table."""
+    return any("<table" in raw.astext() for raw in node.findall(nodes.raw))
+
+
 def prepare_static(app) -> None:
     """Remove myst-nb's style sheet of an earlier build.
 
@@ -141,7 +146,8 @@ def write_notebooks(app, exception) -> None:
 
 
 def describe_figures(app, doctree) -> None:
-    """Put under each figure what it is made of, and give it the alternative text and kind of its file."""
+    """Put under figures and tables where their numbers come from, and under figures what they are made of;
+    give these the alternative text and kind of their file."""
     executed = Path(app.outdir).parent / "jupyter_execute" / f"{app.env.docname}.ipynb"
     if not executed.exists():
         return
@@ -154,14 +160,17 @@ def describe_figures(app, doctree) -> None:
             if not image.get("alt"):
                 image["alt"] = said.get("Description", "")
             image["classes"].append(said.get("Comment", "picture"))
-        if (images or has_slider(cell)) and sources_by_cell[cell["cell_index"]]:
-            cell += source_line(sources_by_cell[cell["cell_index"]])
+        used = sources_by_cell[cell["cell_index"]]
+        if images or has_slider(cell) or has_table(cell):
+            cell += nodes.paragraph("", " · ".join(origins(used)), classes=["origin"])
+        if (images or has_slider(cell)) and used:
+            cell += source_line(used)
 
 
 def source_line(names: set[str]) -> nodes.paragraph:
     """``Made by f, g from data/x``, each function a link to its documentation, and so to its source."""
     line = nodes.paragraph(classes=["made-of"])
-    ours = sorted(name for name in names if name.startswith(("lmmap.", "lmmap_readers.", "lmmap_lab.")))
+    ours = sorted(name for name in names if name.startswith(PACKAGES))
     for word, group in (("Made by ", ours), (" from " if ours else "Made from ", sorted(names - set(ours)))):
         for name in group:
             line += nodes.Text(word)

@@ -1,16 +1,71 @@
-"""What a figure is made of: the module's functions and the data that its cell's variables come from."""
+"""What a figure is made of: the module's functions and the data that its cell's variables come from, and
+whether its numbers are computed with the book."""
 
 from __future__ import annotations
 
 import ast
 import importlib
 import inspect
+import textwrap
+from pathlib import Path
 
+from lmmap.pipeline.weights import load_card
 from lmmap_lab import provenance
 from lmmap_lab.studies import accuracy_run, odometry
 
+PACKAGES = ("lmmap.", "lmmap_readers.", "lmmap_lab.")
 FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA,
            "COMMITTED": accuracy_run.COMMITTED, "odometry.FOLDER": odometry.FOLDER}  # fmt: skip
+
+COMMITTED, PAPER, NOW = "from a committed run", "from the paper", "computed now"
+ORIGINS = {"data/results": COMMITTED, "data/weights": COMMITTED, "data/paper": PAPER}
+COMPUTING = ("lmmap.pipeline.estimator.", "lmmap.estimation.", "lmmap.tracking.", "lmmap_lab.bench.")
+PAGES = ("lmmap_lab.pages", "lmmap_lab.studies")  # whose functions read files of which a page says nothing
+
+
+def origins(used: set[str]) -> list[str]:
+    """Where the numbers come from of what rests on these functions and paths (`sources`), in words."""
+    functions = {_at(name) for name in used if name.startswith(PACKAGES)}
+    paths = used | _read_by(functions)
+    found = {words for folder, words in ORIGINS.items() if any(path.startswith(folder) for path in paths)}
+    if COMMITTED not in found or any(name.startswith(COMPUTING) for name in used):
+        found.add(NOW)
+    return [words for words in (NOW, COMMITTED, PAPER) if words in found]
+
+
+def _read_by(functions: set) -> set[str]:
+    """Files of results, cards and the paper that functions name, or those of `PAGES` that they call."""
+    paths, waiting, known = set(), set(functions), set()
+    while waiting:
+        function = waiting.pop()
+        known.add(function)
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
+            value = _value(node, function.__globals__)
+            paths |= _path(node) | _inside(value)
+            if value is load_card:
+                paths.add("data/weights")
+            elif inspect.isfunction(value) and value.__module__.startswith(PAGES) and value not in known:
+                waiting.add(value)
+    return paths
+
+
+def _value(node, known: dict):
+    """What a name, or an attribute of one, stands for."""
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return getattr(known.get(node.value.id), node.attr, None)
+    return known.get(node.id) if isinstance(node, ast.Name) else None
+
+
+def _inside(value) -> set[str]:
+    """A path within the data but the whole of it or what is derived; nothing for anything else."""
+    if not isinstance(value, Path) or not value.is_relative_to(provenance.DATA):
+        return set()
+    return {str(value.relative_to(provenance.ROOT))} - {"data", "data/derived"}
+
+
+def _at(name: str):
+    module, _, function = name.rpartition(".")
+    return getattr(importlib.import_module(module), function)
 
 
 def sources(cells: list[str]) -> list[set[str]]:
@@ -68,21 +123,15 @@ def _changed(statement) -> set[str]:
 def _named(statement, imported: dict) -> set[str]:
     sources = set()
     for node in ast.walk(statement):
-        if isinstance(node, ast.Name):
-            sources |= _function(imported.get(node.id))
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            sources |= _function(getattr(imported.get(node.value.id), node.attr, None))
-        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-            sources |= _path(node)
+        value = _value(node, imported)
+        sources |= _function(value) | _inside(value) | _path(node)
     longest = {path for path in sources if any(other.startswith(path + "/") for other in sources)}
     return sources - longest
 
 
 def _function(value) -> set[str]:
     """The full name of a function of our packages, unless it only names files or sets styles."""
-    ours = inspect.isfunction(value) and value.__module__.startswith(
-        ("lmmap.", "lmmap_readers.", "lmmap_lab.")
-    )
+    ours = inspect.isfunction(value) and value.__module__.startswith(PACKAGES)
     ours = (
         ours
         and value.__module__ != "lmmap_lab.provenance"
@@ -93,6 +142,8 @@ def _function(value) -> set[str]:
 
 def _path(node) -> set[str]:
     """``DATA / "mini" / name`` as ``data/mini``: as far as it is written out."""
+    if not isinstance(node, ast.BinOp) or not isinstance(node.op, ast.Div):
+        return set()
     parts = []
     while isinstance(node, ast.BinOp):
         parts.append(node.right.value if isinstance(node.right, ast.Constant) else None)

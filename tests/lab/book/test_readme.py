@@ -55,10 +55,12 @@ def test_its_verdicts_are_those_of_the_claims():
     claims = pd.read_csv(COMMITTED / "claims.csv").set_index("key")
     text = " ".join((ROOT / "README.md").read_text().split())
     count = claims.verdict.value_counts()
-    assert (
-        f"Of the paper's {(~claims.verdict.isin(NO_CLAIM)).sum()} claims, {count[HOLDS]} hold on the bench, "
-        f"{count[PARTLY]} hold partly, {count[FAILS]} do not hold, and {count[UNTESTED]} cannot be tested here"
-    ) in text
+    hold, fail = (
+        f"{count[HOLDS]} hold on the bench, {count[PARTLY]} hold partly",
+        f"{count[FAILS]} do not hold",
+    )
+    claimed = f"Of the paper's {(~claims.verdict.isin(NO_CLAIM)).sum()} claims, "
+    assert f"{claimed}{hold}, {fail}, and {count[UNTESTED]} cannot be tested here" in text
     holds = ["alike_low_gap", "one_pixel_inclined", "false_detections", "odometry_not_enough"]
     fails = ["events_win", "slow_blinds_events", "reflect_blinds_frames"]
     assert (claims.verdict[holds] == HOLDS).all() and (claims.verdict[fails] == FAILS).all()

@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 import pytest
-from lmmap_sources import sources
+from lmmap_sources import COMMITTED, NOW, PAPER, origins, sources
 
 from lmmap_lab.pages import drawings
 
@@ -53,6 +53,19 @@ def test_variables_of_comprehensions_stay_in_them():
         "plt.plot(t)",
     ]
     assert [sources(cells)[k] for k in (2, 3)] == [set(), {"lmmap.geometry.projection.project"}]
+
+
+@pytest.mark.parametrize("used, expected", [
+    ({"lmmap.geometry.projection.project"}, [NOW]),
+    ({"data/results/accuracy/ladder.csv", "lmmap_lab.pages.waterfall.draw"}, [COMMITTED]),
+    ({"lmmap_lab.pages.model_cards.tests_table"}, [COMMITTED]),  # by a function that it calls
+    ({"lmmap_lab.pages.model_cards.training_table"}, [COMMITTED]),  # by the cards
+    ({"lmmap_lab.studies.table1.compare", "data/results/accuracy"}, [COMMITTED, PAPER]),
+    ({"lmmap_lab.bench.sequences.simulate", "data/results/port-outlines.json"}, [NOW, COMMITTED]),
+    ({"lmmap_lab.studies.five_degrees_fit.paper_cells"}, [NOW, PAPER]),
+])  # fmt: skip
+def test_it_is_said_whether_numbers_are_computed_now(used, expected):
+    assert origins(used) == expected
 
 
 def test_a_figure_is_described_by_its_labels_titles_and_legend():
