@@ -3,6 +3,7 @@ bags that hold them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ from lmmap.recordings.bags import Unread
 
 from . import evt
 
+PACKETS = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")  # of packed events
 DEFINITION = """std_msgs/Header header
 uint32 height
 uint32 width
@@ -74,9 +76,32 @@ def _words(packed: np.ndarray, word: np.dtype) -> np.ndarray:
 
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
-for _name in bags.PACKETS:
+for _name in PACKETS:
     STORE.register(get_types_from_msg(DEFINITION, _name))
+
+
+def decoder(arrays: Callable, deserialize: Callable) -> Callable[[], Callable]:
+    """`bags.Dialect.decoder` of bags with packets beside event arrays, which ``arrays`` decodes."""
+
+    def for_one_pass() -> Callable:
+        packets = Packets()
+
+        def decode(bag, connection, raw: bytes, header_us: int):
+            if connection.msgtype not in PACKETS:
+                return arrays(bag, connection, raw, header_us)
+            message = deserialize(bag, connection, raw)
+            return (message.width, message.height), packets(message, header_us)
+
+        return decode
+
+    return for_one_pass
+
+
+def _deserialize(_, connection, raw: bytes):
+    return STORE.deserialize_ros1(raw, connection.msgtype)
+
+
 ROS1 = rosbag.ROS1._replace(
-    deserialize=lambda _, connection, raw: STORE.deserialize_ros1(raw, connection.msgtype), packets=Packets
+    decoder=decoder(rosbag.ROS1.decoder(), _deserialize), deserialize=_deserialize, packed=PACKETS
 )
 read_bag = partial(bags.read, dialect=ROS1)

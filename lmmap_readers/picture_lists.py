@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 
 from lmmap.files import read_text
-from lmmap.recordings.images import TIME_LISTS, pictures_in, sequence
+from lmmap.recordings.formats import METADATA, suffixes
+from lmmap.recordings.images import IMAGE_SUFFIXES, TIME_LISTS, pictures_in, sequence
 from lmmap.recordings.limits import MAX_LIST_BYTES
 from lmmap.recordings.stream import Source, reader
+from lmmap.types import InputError
 
 from .tables import read_text as read_events
 from .time_units import GuessedSteps, microseconds
@@ -30,6 +32,7 @@ def read(path: Path, time_unit: str | None = None) -> Source:
     Times are seconds if any has a decimal point, else microseconds, or of the unit that is given; an
     ``events.txt`` beside them is read too.
     """
+    _check_folder(path)
     names, t = _list_pictures(path)
     source = sequence(path, names, [int(t_us) for t_us in microseconds(t, time_unit).tolist()])
     source = replace(source, guessed=None if time_unit else GuessedSteps.of(t))
@@ -58,3 +61,17 @@ def _list_pictures(path: Path) -> tuple[list[Path], np.ndarray]:
         raise ValueError(f"{len(names)} images for {len(lines)} times")
     whole = all(re.fullmatch("[-+]?[0-9]+", line[0]) for line in lines)
     return names, np.array([line[0] for line in lines], np.int64 if whole else float)
+
+
+def _check_folder(path: Path) -> None:
+    """`InputError` for a folder of recordings, but no pictures."""
+    names = sorted(p.name for p in path.iterdir())
+    pictures = (*IMAGE_SUFFIXES, ".txt", ".csv")
+    if any(name.lower().endswith(pictures) for name in names):
+        return
+    if recordings := [name for name in names if Path(name).suffix.lower() in suffixes()]:
+        remedy = f"name one of them, such as {path / recordings[0]}"
+        if recordings[0].endswith((".db3", ".mcap")):
+            missing = f"if it is a ROS 2 bag, its {METADATA} is missing"
+            remedy = f"{missing}: run ros2 bag reindex {path}, or {remedy}"
+        raise InputError(f"{path}: a folder of {len(recordings)} recordings, not of images; {remedy}")

@@ -29,7 +29,7 @@ EVENT_MSG = "uint16 x\nuint16 y\nbuiltin_interfaces/Time ts\nbool polarity\n"
 for _name, _definition in (
     ("dvs_msgs/msg/Event", EVENT_MSG),
     ("dvs_msgs/msg/EventArray", rosbag.ARRAY_MSG),
-    *((name, packets.DEFINITION) for name in bags.PACKETS),
+    *((name, packets.DEFINITION) for name in packets.PACKETS),
 ):
     STORE.register(get_types_from_msg(_definition, _name))
 # An event of an array: CDR aligns its time to 4 bytes, so that 13 bytes take 16, counted from 4 before them
@@ -82,12 +82,20 @@ def _array_events(raw: bytes, fields: list[str]) -> np.ndarray:
     )
 
 
+def _arrays(bag, connection, raw: bytes, header_us: int) -> tuple[tuple[int, int], np.ndarray]:
+    return _size_px(raw), _array_events(raw, _fields_of(bag, connection.msgtype))
+
+
+def _deserialize(bag, connection, raw: bytes):
+    return bag.deserialize(raw, connection.msgtype)
+
+
 ROS2 = bags.Dialect(
     _open,
-    lambda bag, connection, raw: (_size_px(raw), _array_events(raw, _fields_of(bag, connection.msgtype))),
-    lambda bag, connection, raw: bag.deserialize(raw, connection.msgtype),
+    packets.decoder(_arrays, _deserialize),
+    _deserialize,
     lambda raw: struct.unpack_from("<iI" if raw[1] & 1 else ">iI", raw, 4),
-    packets.Packets,
+    packets.PACKETS,
 )
 read = partial(bags.read, dialect=ROS2)
 read.what = "ROS 2 bag, a folder or a file: the same"

@@ -20,7 +20,7 @@ from .stream import Source, in_chunks, nothing
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 EVENTS = ("/EventArray", "/EventPacket")  # ends of the types of event messages
-PACKETS = ("event_camera_msgs/msg/EventPacket", "event_array_msgs/msg/EventArray")  # of packed events
+ARRAY = "dvs_msgs/msg/EventArray"  # of the paper's laboratory
 
 
 class Unread(ValueError):
@@ -31,34 +31,22 @@ class Dialect(NamedTuple):
     """How bags of one kind are read.
 
     ``open(path)`` gives a block its reader, and what damaged bytes raise there is an `InputError`.
-    ``array`` makes of ``(reader, connection, bytes)`` of an event array ``((width, height), events)``, and
-    ``deserialize`` makes a message of any.  ``stamp`` gives seconds and nanoseconds of a message's header.
-    ``packets()`` makes a function of `PACKETS` and their headers' times (us) to events, for one pass.
+    ``decoder()`` makes a function, for one pass over messages in their order, from ``(reader, connection, bytes,
+    header's time)`` to ``((width, height), events)``, and ``deserialize`` makes a message of any.  ``stamp``
+    gives seconds and nanoseconds of a message's header.  ``packed`` are the types of messages with packed
+    events; without any, the dialect knows `ARRAY` alone.
     """
 
     open: Callable[[Path], AbstractContextManager]
-    array: Callable
+    decoder: Callable[[], Callable]
     deserialize: Callable
     stamp: Callable[[bytes], tuple[int, int]]
-    packets: Callable[[], Callable] | None = None
+    packed: tuple[str, ...] = ()
 
     def time_us(self, raw: bytes) -> int:
         """A message's time, rounded to microseconds."""
         seconds, nanoseconds = self.stamp(raw)
         return seconds * 10**6 + (nanoseconds + 500) // 1000
-
-    def decoder(self) -> Callable:
-        """A function, for one pass over messages in their order, from ``(reader, connection, bytes, header's
-        time)`` to ``((width, height), events)``."""
-        packets = self.packets and self.packets()
-
-        def decode_events(bag, connection, raw: bytes, header_us: int):
-            if connection.msgtype not in PACKETS:
-                return self.array(bag, connection, raw)
-            message = self.deserialize(bag, connection, raw)
-            return (message.width, message.height), packets(message, header_us)
-
-        return decode_events
 
     def image(self, bag, connection, raw: bytes) -> np.ndarray:
         """The image (H, W, 3) of a message, u8 or u16; raises `Unread`."""
@@ -87,10 +75,12 @@ class Topic(NamedTuple):
 
 
 def read(path: Path, dialect: Dialect) -> Source | None:
-    """A topic of events and one of images, or None of a bag with `PACKETS`, if its dialect has none; raises
+    """A topic of events and one of images, or None of a bag with other events than the dialect knows; raises
     `InputError`."""
     with dialect.open(path) as bag:
-        if not dialect.packets and any(c.msgtype in PACKETS for c in bag.connections):
+        if not dialect.packed and {c.msgtype for c in bag.connections if _kind(c.msgtype) == "events"} - {
+            ARRAY
+        }:
             return None
         if not any(_kind(c.msgtype) for c in bag.connections):
             raise ValueError(f"no EventArray, EventPacket or image in {len(bag.topics)} topics")
@@ -164,7 +154,7 @@ def _look(bag, dialect: Dialect, name: str, first: list[tuple]) -> Topic:
         image = dialect.image(bag, connection, raw)
         return Topic(name, image.shape[1::-1], image.dtype, no_stamps, False)
     size_px, events = dialect.decoder()(bag, connection, raw, 0)
-    is_array, recorded_us = connection.msgtype not in PACKETS, recorded_ns // 1000
+    is_array, recorded_us = connection.msgtype not in dialect.packed, recorded_ns // 1000
     stamp_us = recorded_us if no_stamps else dialect.time_us(raw)
     no_times = bool(is_array and stamp_us and len(events) and not events["t_us"].any())
     return Topic(name, size_px, events.dtype, no_stamps, no_times)

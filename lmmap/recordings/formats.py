@@ -64,8 +64,6 @@ def open_stream(
     if not os.path.isdir(path):
         regular_file(path)
     kind = _kind(path)
-    if kind == "folder":
-        _check_folder(path)
     if kind not in READERS and not plugins.reader(kind):
         raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(suffixes())}")
     options = {name: value for name, value in named.items() if value is not None}
@@ -92,20 +90,6 @@ def open_stream(
     ]
     truth = read_truth(truths[0]) if truths else None
     return Stream(path.stem, camera, source, truth, checked)
-
-
-def _check_folder(path: Path) -> None:
-    """`InputError` for a folder of recordings, but no pictures."""
-    names = sorted(p.name for p in path.iterdir())
-    pictures = (*images.IMAGE_SUFFIXES, ".txt", ".csv")
-    if any(name.lower().endswith(pictures) for name in names):
-        return
-    if recordings := [name for name in names if Path(name).suffix.lower() in suffixes()]:
-        remedy = f"name one of them, such as {path / recordings[0]}"
-        if recordings[0].endswith((".db3", ".mcap")):
-            missing = f"if it is a ROS 2 bag, its {METADATA} is missing"
-            remedy = f"{missing}: run ros2 bag reindex {path}, or {remedy}"
-        raise InputError(f"{path}: a folder of {len(recordings)} recordings, not of images; {remedy}")
 
 
 def suffixes() -> list[str]:

@@ -77,7 +77,7 @@ def _fields(definition: str) -> list[tuple[str, str]]:
 
 ROS1 = bags.Dialect(
     open_bag,
-    lambda _, connection, raw: _events(raw, connection.msgdef.data),
+    lambda: lambda _, connection, raw, header_us: _events(raw, connection.msgdef.data),
     lambda _, connection, raw: STORE.deserialize_ros1(raw, connection.msgtype),
     partial(struct.unpack_from, "<II", offset=4),
 )

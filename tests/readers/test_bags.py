@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from test_rosbag2 import CAMERA, START_US, libcaer_cmp, mono, some_events, some_frame
 
 from lmmap.cli import main
-from lmmap.recordings import bags, rosbag
+from lmmap.recordings import rosbag
 from lmmap.recordings.formats import open_recording
 from lmmap.types import InputError
 from lmmap_readers import packets
@@ -22,9 +22,9 @@ STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUM
 for ros, text in ((1, rosbag.EVENT_MSG), (2, rosbag.EVENT_MSG.replace("time", "builtin_interfaces/Time"))):
     STORES[ros].register(get_types_from_msg(text, "dvs_msgs/msg/Event"))
     STORES[ros].register(get_types_from_msg(rosbag.ARRAY_MSG, "dvs_msgs/msg/EventArray"))
-    for name in bags.PACKETS:
+    for name in packets.PACKETS:
         STORES[ros].register(get_types_from_msg(packets.DEFINITION, name))
-ARRAY, PACKET, IMAGE = "dvs_msgs/msg/EventArray", bags.PACKETS[0], "sensor_msgs/msg/Image"
+ARRAY, PACKET, IMAGE = "dvs_msgs/msg/EventArray", packets.PACKETS[0], "sensor_msgs/msg/Image"
 both_kinds = pytest.mark.parametrize("ros", [1, 2])
 
 
@@ -229,7 +229,7 @@ ENCODERS = {"mono": mono, "libcaer_cmp": libcaer_cmp, "libcaer": libcaer, "evt21
 
 
 @both_kinds
-@pytest.mark.parametrize("kind", bags.PACKETS)
+@pytest.mark.parametrize("kind", packets.PACKETS)
 @pytest.mark.parametrize("encoding", ENCODERS)
 def test_packets_in_both_kinds_of_bags(tmp_path, ros, kind, encoding):
     events, messages = some_events(), []
