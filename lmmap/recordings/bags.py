@@ -31,10 +31,10 @@ class Dialect(NamedTuple):
     """How bags of one kind are read.
 
     ``open(path)`` gives a block its reader, and what damaged bytes raise there is an `InputError`.
-    ``decoder()`` makes a function, for one pass over messages in their order, from ``(reader, connection, bytes,
-    header's time)`` to ``((width, height), events)``, and ``deserialize`` makes a message of any.  ``stamp``
-    gives seconds and nanoseconds of a message's header.  ``packed`` are the types of messages with packed
-    events; without any, the dialect knows `ARRAY` alone.
+    ``decoder()`` makes a function, for one pass over messages in their order, from ``(reader, connection,
+    bytes, header's time)`` to ``((width, height), events)``, and ``deserialize`` makes a message of any.
+    ``stamp`` gives seconds and nanoseconds of a message's header.  ``packed`` are the types of messages with
+    packed events; without any, the dialect knows `ARRAY` alone.
     """
 
     open: Callable[[Path], AbstractContextManager]
@@ -78,9 +78,8 @@ def read(path: Path, dialect: Dialect) -> Source | None:
     """A topic of events and one of images, or None of a bag with other events than the dialect knows; raises
     `InputError`."""
     with dialect.open(path) as bag:
-        if not dialect.packed and {c.msgtype for c in bag.connections if _kind(c.msgtype) == "events"} - {
-            ARRAY
-        }:
+        kinds = {c.msgtype for c in bag.connections if _kind(c.msgtype) == "events"}
+        if not dialect.packed and kinds - {ARRAY}:
             return None
         if not any(_kind(c.msgtype) for c in bag.connections):
             raise ValueError(f"no EventArray, EventPacket or image in {len(bag.topics)} topics")
