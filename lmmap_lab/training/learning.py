@@ -37,7 +37,7 @@ def untrained(recipe: Recipe, prior: float) -> FilterNet:
         try:
             net.load_state_dict(first.state_dict())
         except RuntimeError:
-            text = f"its networks are not of the widths of {recipe.domain_gap}; start from another set"
+            text = f"its networks are not of the widths of {recipe.networks}; start from another set"
             raise InputError(f"--start-from {recipe.start_from}: {text}") from None
     return net
 

@@ -246,7 +246,8 @@ def test_a_recording_of_another_port_says_so(higher, tmp_path, capsys):
     """With the standard port, and neither with its own nor where the standard port is what was built."""
     _, path, true = higher
     true.save(own := tmp_path / "own.json")
-    calls = [path], [path, "--track"], [path, "--port", own], [DATA / "mini" / "test-low.aedat4"]
+    mini = DATA / "mini" / "test-low.aedat4"
+    calls = [path], [path, "--track"], [path, "--port", own], [mini, "--rate", 4]
     note, off_px = re.compile(r"note: the markers lie ([\d.]+) px from .*lmmap calibrate --port"), []
     for k, call in enumerate(calls):
         output = ["-o", tmp_path / f"{k}.csv"]
