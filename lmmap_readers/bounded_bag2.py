@@ -18,7 +18,10 @@ from lmmap.errors import InputError
 from lmmap.files import regular_file
 from lmmap.recordings.bounded_bag import BoundedPath
 from lmmap.recordings.formats import METADATA
-from lmmap.recordings.limits import MAX_CHUNK_BYTES, MAX_METADATA_BYTES, MAX_UNPACK_RATIO
+from lmmap.recordings.limits import MAX_CHUNK_BYTES
+
+MAX_METADATA_BYTES = 2**17  # of a bag's description, whose parser takes 3 s; a hundred topics take 50 kB
+MAX_UNPACK_RATIO = 50  # of a ROS 2 bag's file, beyond one chunk; events shrink to a third, images to a tenth
 
 
 def open_bag(path: Path, typestore) -> AnyReader:

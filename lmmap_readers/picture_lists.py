@@ -13,12 +13,13 @@ import numpy as np
 from lmmap.files import read_text
 from lmmap.recordings.formats import METADATA, suffixes
 from lmmap.recordings.images import IMAGE_SUFFIXES, TIME_LISTS, pictures_in, sequence
-from lmmap.recordings.limits import MAX_LIST_BYTES
 from lmmap.recordings.stream import Source, reader
 from lmmap.types import InputError
 
 from .tables import read_text as read_events
 from .time_units import GuessedSteps, microseconds
+
+MAX_LIST_BYTES = 2**26  # of an image folder's list: a million images
 
 
 @reader(

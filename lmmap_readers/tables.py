@@ -22,12 +22,12 @@ import pandas as pd
 from numpy.lib import format as npy_format
 
 from lmmap.files import regular_file
-from lmmap.recordings.limits import MAX_LINE_BYTES
 from lmmap.recordings.stream import CHUNK, Source, pieces, reader
 from lmmap.types import event_array
 
 from .units import Guessed, microseconds
 
+MAX_LINE_BYTES = 2**20  # of text; an event takes 30 and pandas holds a whole line
 SPELLINGS = {
     "t": r"(?:t|ts|time|timestamp|timestamps)(?:[ _]*[\[( _](?P<unit>s|sec|seconds|ms|us|µs|μs|ns)[\])]?)?",
     "x": r"(?:x|col|column|u)(?:@(?P<size>\d+))?",

@@ -74,8 +74,7 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
 @checked
 def candidates(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
-    both = [f(ellipse, camera, radius_m) for f in (poses, paper_poses)]
-    return Pose(*(np.concatenate([getattr(T, n) for T in both]) for n in ("rotation", "position_m")))
+    return Pose.stack([f(ellipse, camera, radius_m) for f in (poses, paper_poses)])
 
 
 @checked

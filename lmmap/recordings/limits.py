@@ -7,14 +7,8 @@ from ..types.checks import MAX_TIME_US as MAX_TIME_US
 
 MAX_CHUNK_BYTES = 2**28  # decompressed; ROS writes chunks of 0.8 MB, DV packets of some MB
 MAX_RECORD_BYTES = 2**26  # of a header or an index, before it is parsed; those of hour-long bags have some MB
-MAX_LINE_BYTES = 2**20  # of text; an event takes 30 and pandas holds a whole line
-MAX_METADATA_BYTES = (
-    2**17
-)  # of a ROS 2 bag's description, which takes its parser 3 s; a hundred topics take 50 kB
-MAX_UNPACK_RATIO = 50  # of a ROS 2 bag's file, beyond one chunk; events shrink to a third, images to a tenth
 MAX_IMAGE_PIXELS = 2**25  # 33 megapixels, 100 MB in RGB; a DAVIS 346 has 0.09
 MAX_IMAGE_BYTES = 2**27  # of an image file; 33 megapixels as raw RGB have 100 MB
-MAX_LIST_BYTES = 2**26  # of an image folder's list: a million images
 MAX_TRUTH_BYTES = 2**26  # of a trajectory: 600 000 poses, an hour at 170 Hz
 MAX_ESTIMATES_BYTES = 2**29  # of a table of estimates: 400 000 rows, an hour at 110 Hz
 MAX_POSITION_M = 1e6  # a thousand kilometres

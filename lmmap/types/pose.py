@@ -40,10 +40,12 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
+    @checked
     def stack(cls, poses: Sequence[Pose]) -> Pose:
-        """Single poses as one of shape (N,), also of none."""
-        rotation, position_m = [T.rotation for T in poses], [T.position_m for T in poses]
-        return cls(np.reshape(rotation, (-1, 3, 3)), np.reshape(position_m, (-1, 3)))
+        """Poses of any shapes, or none, one after another in one of shape (N,)."""
+        rotation = [np.empty((0, 3, 3)), *(T.rotation.reshape(-1, 3, 3) for T in poses)]
+        position_m = [np.empty((0, 3)), *(T.position_m.reshape(-1, 3) for T in poses)]
+        return cls(np.concatenate(rotation), np.concatenate(position_m))
 
     def __matmul__(self, other):
         """``T_a_b @ T_b_c -> T_a_c`` and ``T_a_b @ p_b -> p_a`` for points of shape (..., 3)."""

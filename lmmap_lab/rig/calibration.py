@@ -60,12 +60,7 @@ def calibrate_rig(bags: list[Detections], port: Port, ends: tuple[str, str],
     InputError
         If the detections are too few, or the arm moves too little.
     """
-    poses = Pose(np.concatenate([b.T_cam_port.rotation for b in bags]),
-                 np.concatenate([b.T_cam_port.position_m for b in bags]))  # fmt: skip
-    arms = [b.arm.T_root_tip for b in bags]
-    T_root_tip = Pose(
-        np.concatenate([T.rotation for T in arms]), np.concatenate([T.position_m for T in arms])
-    )
+    poses, T_root_tip = Pose.stack([b.T_cam_port for b in bags]), Pose.stack([b.arm.T_root_tip for b in bags])
     arm = ArmSamples(T_root_tip, np.concatenate([b.arm.velocity for b in bags]))
     data = (poses, arm, port.yaw_period_rad, np.concatenate([b.covariance for b in bags]))
     try:

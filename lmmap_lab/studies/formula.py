@@ -68,7 +68,7 @@ def bench_poses(camera: Camera, port: Port, trajectories: int = 3, rate_hz: floa
     t_s = np.arange(0, SECONDS["paper"]["test"], 1 / rate_hz)
     names = ["test-low" + (f"-{k}" if k else "") for k in range(trajectories)]
     motions = [sequence_motion(sequence(name), t_s) for name in names]
-    T = Pose(*(np.concatenate([getattr(m, field) for m in motions]) for field in ("rotation", "position_m")))
+    T = Pose.stack(motions)
     return T[np.flatnonzero(in_view(T, port, camera))]
 
 

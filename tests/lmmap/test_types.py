@@ -250,3 +250,12 @@ def test_a_recordings_chunks_are_views_that_make_up_its_events():
         assert len(chunks) == max(-(-count // CHUNK_EVENTS), 1)
         assert all(np.shares_memory(chunk, events) for chunk in chunks if count)
         np.testing.assert_array_equal(np.concatenate(chunks), events)
+
+
+@given(rigid_poses(), rigid_poses())
+def test_stacked_poses_are_what_they_were_one_after_another(one, other):
+    three = Pose.stack([one, Pose.stack([other, one])])
+    assert len(three) == 3 and len(Pose.stack([])) == 0
+    for k, T in enumerate([one, other, one]):
+        assert np.array_equal(three[k].rotation, T.rotation)
+        assert np.array_equal(three[k].position_m, T.position_m)
