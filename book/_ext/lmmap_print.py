@@ -28,7 +28,7 @@ TITLE = "Docking by ring and events"
 ABOUT = ("Printed from the book's web pages. Sliders and the video stand here as stills, and the reference "
          "of the package's modules, the model cards, what to call on other hardware and where each result "
          "comes from are in the pages only.")  # fmt: skip
-ON_SCREEN = ("book/models", "book/on-your-own-hardware", "book/provenance", "book/check")
+ON_SCREEN = ("book/models", "book/provenance", "book/check")
 STYLE = Path(__file__).with_name("lmmap_print.css")
 LEFT_OUT = "script:not(.ring-lab + script), style, .headerlink, .copybtn, .steps > label"
 LINES = 25  # of a table that was folded; a longer one is left to the pages

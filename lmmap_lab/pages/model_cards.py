@@ -134,12 +134,12 @@ def worst_masks(networks: str, recording: Recording, most: int) -> list[tuple]:
 
 def draw_failures(networks: str, recording: Recording, most: int = 10):
     """Figure of the `worst_masks` of a set: each image, and beside it what its masks have wrong."""
-    networks = {
+    loaded = {
         (name, m): load_network(weight_path(name, m, networks), m) for name in FILTERS for m in CHANNELS
     }
     pictures = worst_masks(networks, recording, most)
     fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
-    networks_page.draw_masks(axes.reshape(-1, 2), pictures, networks, Port.lm_map())
+    networks_page.draw_masks(axes.reshape(-1, 2), pictures, loaded, Port.lm_map())
     return fig
 
 

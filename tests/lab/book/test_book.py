@@ -20,7 +20,7 @@ TOC = yaml.safe_load((ROOT / "_toc.yml").read_text())
 NAMES = [TOC["root"]] + [chapter["file"] for part in TOC["parts"] for chapter in part["chapters"]]
 PAGES = [ROOT / f"{name}.md" for name in NAMES]
 API = [page for page in PAGES if page.stem == "api" or "api" in page.parts]
-REFERENCE = ("appendix", "bibliography", "models", "provenance", "quickstart")  # no finding of their own
+REFERENCE = ("appendix", "bibliography", "provenance", "quickstart")  # no finding of their own
 CHAPTERS = [page for page in PAGES if page not in API and page.stem not in REFERENCE]
 ENVIRONMENT = (ROOT / "environment.txt").read_text()
 WALK = [ROOT / f"{chapter['file']}.md" for part in TOC["parts"] if part["caption"] == "The paper"

@@ -5,10 +5,9 @@ import shlex
 
 import cv2
 import drawn
-import matplotlib
 import numpy as np
 import pytest
-from test_book import BOOK, cells, prose
+from test_book import BOOK
 
 import lmmap
 from lmmap.cli import main
@@ -16,8 +15,7 @@ from lmmap.estimation.images import images
 from lmmap.pipeline.weights import load_network, weight_path
 from lmmap.types import Status
 
-PAGE = BOOK / "on-your-own-hardware.md"
-matplotlib.use("Agg")
+PAGE = BOOK / "models.md"
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +48,3 @@ def test_its_function_takes_histograms_as_well(names):
     _, image = next(images(drawn.recording(4), "event"))
     ours = load_network(weight_path("ring", "event", "robust"), "event", "float32")
     np.testing.assert_allclose(names["network"]("onnx/ring-event.onnx")(image), ours(image), atol=1e-4)
-
-
-def test_its_cells_run(capsys):
-    exec(compile("\n".join(cells(PAGE)), PAGE.name, "exec"), {})
-    capsys.readouterr()
-    matplotlib.pyplot.close("all")
-
-
-def test_it_is_short():
-    assert len(prose(PAGE).split("---\n", 2)[2].split()) <= 600
