@@ -22,13 +22,12 @@ def outlier_filter(
     is the stricter reading.
     """
     has_pose = np.array([e.T_cam_port is not None for e in estimates], bool)
-    rotation = np.array([np.eye(3) if e.T_cam_port is None else e.T_cam_port.rotation for e in estimates])
+    rotation = np.reshape(
+        [np.eye(3) if (T := e.T_cam_port) is None else T.rotation for e in estimates], (-1, 3, 3)
+    )
     keep = has_pose.copy()
-    if len(estimates) > 1:
-        angle = rotation_between_rad(rotation[:-1], rotation[1:], yaw_period_rad)
-        close = has_pose[:-1] & has_pose[1:] & (angle <= settings.outlier_angle_rad)
-    else:
-        close = np.zeros(0, bool)
+    angle = rotation_between_rad(rotation[:-1], rotation[1:], yaw_period_rad)
+    close = has_pose[:-1] & has_pose[1:] & (angle <= settings.outlier_angle_rad)
     for back in range(settings.outlier_poses - 1):
         keep[: back + 1] = False
         keep[back + 1 :] &= close[: len(close) - back]

@@ -105,6 +105,13 @@ def test_the_command_names_no_other_package():
     assert "laboratory" not in out and "lmmap_lab" not in out and "lmmap.cli.main" in out.split()
 
 
+def only(monkeypatch, groups: dict) -> None:
+    """Nothing is installed beside lmmap and its readers but these entry points, by their group."""
+    real = plugins.entry_points
+    named = {plugins.READERS: real(plugins.READERS)} | groups
+    monkeypatch.setattr(plugins, "entry_points", lambda group: named.get(group, {}))
+
+
 STILL = """
 import numpy as np
 from lmmap.types import Pose, Trajectory
@@ -120,20 +127,18 @@ def test_a_bag_with_a_rig_takes_its_truth_from_another_package(tmp_path, monkeyp
     bag, recording = tmp_path / "r.bag", drawn.recording(3)
     write_recording(replace(recording, truth=None), bag)
     evaluate = ["evaluate", str(bag), "--modality", "rgb", "--rate", "10"]
-    monkeypatch.setattr(plugins, "entry_points", lambda group: {})
     known = recording.truth.at(recording.frames_t_us[:1])[0]
     Rig("base", "tool0", known, Pose.identity(), 0.08).save(tmp_path / RIG_FILE)
     for entries in ({}, {"arm": "absent_words:truth"}):
-        monkeypatch.setattr(plugins, "entry_points", lambda group, entries=entries: entries)
-        code = main.main(evaluate)
+        with monkeypatch.context() as patched:
+            only(patched, {plugins.TRUTHS: entries})
+            code = main.main(evaluate)
         err = capsys.readouterr().err
         assert code == 1 and "no ground truth" in err and plugins.INSTALL in err
         assert len(err.splitlines()) == 1
     (tmp_path / "still_words.py").write_text(STILL)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(
-        plugins, "entry_points", lambda group: {"s": "still_words:still"} if group == plugins.TRUTHS else {}
-    )
+    only(monkeypatch, {plugins.TRUTHS: {"s": "still_words:still"}})
     assert main.main([*evaluate, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)["rgb"]
     assert report["images"] > 0 and report["position_error_median_mm"] < 20
@@ -147,12 +152,12 @@ def test_estimate_takes_networks_that_another_package_makes_of_the_recording(
         code, _, err = lmmap("estimate", drawn.file(), "--modality", "rgb", "--rate", 5, "-o", path, *options)
         return code, err, path
 
-    monkeypatch.setattr(plugins, "entry_points", lambda group: {})
-    code, err, path = estimated("none.csv", "--adapt", 2)
+    with monkeypatch.context() as patched:
+        only(patched, {})
+        code, err, path = estimated("none.csv", "--adapt", 2)
     assert (code, err) == (1, f"lmmap: --adapt: needs the laboratory of the book; {plugins.INSTALL}\n")
     assert not path.exists()
-    mine = {plugins.NETWORKS: {"adapt": "other_words:learned"}}
-    monkeypatch.setattr(plugins, "entry_points", lambda group: mine.get(group, {}))
+    only(monkeypatch, {plugins.NETWORKS: {"adapt": "other_words:learned"}})
     code, _, path = estimated("adapted.csv", "--adapt", 2)
     assert code == 0
     same = estimated("same.csv", "--weights", tmp_path / "adapted.2s")[2]
