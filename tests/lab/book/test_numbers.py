@@ -151,3 +151,27 @@ def test_simulated_is_said_where_a_new_place_is_judged():
         assert not re.search(r"\b(other|another|foreign) laboratory", words), place
     assert "second simulated scene" in README
     assert "come from a simulation of ours" in PAGES["intro.md"].split("```{code-cell}")[1]
+
+
+SHARES = ["right_percent", "wrong_percent", "none_percent", "images"]
+
+
+def _rows(name: str, query: str, *keys: str) -> pd.DataFrame:
+    """Shares of a committed table's rows, by the names of `keys` there."""
+    table = pd.read_csv(DATA / "results" / f"{name}.csv").query(query)
+    return table.set_index(list(keys)).rename_axis(range(len(keys)))[SHARES].sort_index()
+
+
+PLACES = "set", "modality", "light"
+
+
+@pytest.mark.parametrize("one, other", [
+    (("wrong-poses", "weights == 'robust' and estimator == 'confident poses'", *PLACES),
+     ("slim", "weights == 'robust' and light != 'all' and set != 'tuning'", *PLACES)),
+    (("wrong-poses", "weights == 'robust' and estimator == 'confident poses'", *PLACES),
+     ("turned", "looks == 'looks again'", *PLACES)),
+    (("accuracy/default", "modality in ('rgb', 'event') and light != 'no port'", "light", "modality"),
+     ("tracks-paper", "estimates == 'frame by frame'", "light", "camera")),
+])  # fmt: skip
+def test_what_two_tables_measure_is_one_number(one, other):
+    pd.testing.assert_frame_equal(_rows(*one), _rows(*other), check_dtype=False, rtol=1e-5)
