@@ -125,7 +125,7 @@ def poses(tmp_path_factory):
 
     def run(path, modality):
         output = tmp_path_factory.mktemp("poses") / "poses.csv"
-        camera = tmp_path_factory.getbasetemp() / "camera.json"
+        camera = tmp_path_factory.mktemp("camera") / "camera.json"
         R.camera.save(camera)
         argv = ["estimate", str(path), "--modality", modality, "--camera", str(camera), "--rate", RATE_HZ]
         assert main.main([*argv, "-o", str(output)]) == 0
