@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import sys
 import textwrap
 from pathlib import Path
 
@@ -14,11 +15,16 @@ from lmmap_lab import provenance
 from lmmap_lab.studies import accuracy_run, odometry
 
 PACKAGES = ("lmmap.", "lmmap_readers.", "lmmap_lab.")
-FOLDERS = {"DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA,
+FOLDERS = {"ROOT": provenance.ROOT, "DATA": provenance.DATA, "DERIVED_DATA": provenance.DERIVED_DATA,
            "COMMITTED": accuracy_run.COMMITTED, "odometry.FOLDER": odometry.FOLDER}  # fmt: skip
 
 COMMITTED, PAPER, NOW = "from a committed run", "from the paper", "computed now"
-ORIGINS = {"data/results": COMMITTED, "data/weights": COMMITTED, "data/paper": PAPER}
+ORIGINS = {
+    "data/results": COMMITTED,
+    "data/weights": COMMITTED,
+    "book/_static": COMMITTED,
+    "data/paper": PAPER,
+}
 COMPUTING = ("lmmap.pipeline.estimator.", "lmmap.estimation.", "lmmap.tracking.", "lmmap_lab.bench.")
 PAGES = ("lmmap_lab.pages", "lmmap_lab.studies")  # whose functions read files of which a page says nothing
 
@@ -40,7 +46,7 @@ def _read_by(functions: set) -> set[str]:
         function = waiting.pop()
         known.add(function)
         for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
-            value = _value(node, function.__globals__)
+            value = _value(node, vars(sys.modules[function.__module__]))
             paths |= _path(node) | _inside(value)
             if value is load_card:
                 paths.add("data/weights")
@@ -57,10 +63,11 @@ def _value(node, known: dict):
 
 
 def _inside(value) -> set[str]:
-    """A path within the data but the whole of it or what is derived; nothing for anything else."""
-    if not isinstance(value, Path) or not value.is_relative_to(provenance.DATA):
+    """A path of `ORIGINS`; nothing for anything else."""
+    if not isinstance(value, Path) or not value.is_relative_to(provenance.ROOT):
         return set()
-    return {str(value.relative_to(provenance.ROOT))} - {"data", "data/derived"}
+    path = str(value.relative_to(provenance.ROOT))
+    return {path} if path.startswith(tuple(ORIGINS)) else set()
 
 
 def _at(name: str):
@@ -130,8 +137,11 @@ def _named(statement, imported: dict) -> set[str]:
 
 
 def _function(value) -> set[str]:
-    """The full name of a function of our packages, unless it only names files or sets styles."""
-    ours = inspect.isfunction(value) and value.__module__.startswith(PACKAGES)
+    """The full name of a function of our packages, or of the page's video, unless it only names files or sets
+    styles."""
+    ours = (
+        inspect.isfunction(value) or getattr(value, "__name__", "") == "Player"
+    ) and value.__module__.startswith(PACKAGES)
     ours = (
         ours
         and value.__module__ != "lmmap_lab.provenance"

@@ -63,6 +63,8 @@ def test_variables_of_comprehensions_stay_in_them():
     ({"lmmap_lab.studies.table1.compare", "data/results/accuracy"}, [COMMITTED, PAPER]),
     ({"lmmap_lab.bench.sequences.simulate", "data/results/port-outlines.json"}, [NOW, COMMITTED]),
     ({"lmmap_lab.studies.five_degrees_fit.paper_cells"}, [NOW, PAPER]),
+    ({"lmmap_lab.pages.player.Player"}, [COMMITTED]),
+    ({"book/_static/paper-steps.jpg"}, [COMMITTED]),
 ])  # fmt: skip
 def test_it_is_said_whether_numbers_are_computed_now(used, expected):
     assert origins(used) == expected
