@@ -22,7 +22,7 @@ from lmmap_lab.adaptation import learning, self_labels
 from lmmap_lab.training import batches
 
 STEPS = 200
-FIRST = "light"  # a quarter of the other sets' arithmetic
+FIRST = "slim"  # a quarter of the other sets' arithmetic
 NAMES = [weight_path(name, "rgb", "low").name for name in FILTERS]
 
 
