@@ -53,6 +53,9 @@ def estimate(a: Namespace) -> None:
         for file in (journal, *parts.values()):
             files.enter_context(file)
         resumed = len(journal.statuses)
+        if resumed and views:
+            drawing = next(iter(_views(a).values()))
+            raise InputError(f"{drawing}: a drawing cannot be resumed; leave it out, and use lmmap draw")
         for view in views:
             files.enter_context(view)
         answers = files.enter_context(closing(_answers(a, stream, estimators, journal, parts)))
@@ -86,8 +89,6 @@ def _check(a: Namespace):
     not be written."""
     shown = _views(a).values()
     for path in shown:
-        if a.resume and path.exists():
-            raise InputError(f"{path}: a drawing cannot be resumed; leave it out, and use lmmap draw")
         if a.modality == "fused" and (path == a.video or not a.track):
             raise InputError(f"{path}: a drawing shows one camera's images; give --modality rgb or event")
     bag = pose_bag(a)

@@ -14,7 +14,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from lmmap.files import atomic
+from lmmap.files import atomic, regular_file
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.stream import input_errors
 from lmmap.settings import PAPER
@@ -144,7 +144,7 @@ def make_samples(
 @lru_cache(maxsize=256)  # opening costs more than reading; each open map holds a file descriptor
 def _memory_map(path: Path) -> np.ndarray:
     with input_errors(path, "damaged samples", "delete their folder, which is then made anew"):
-        return np.load(path, mmap_mode="r")
+        return np.load(regular_file(path), mmap_mode="r")
 
 
 class Samples:

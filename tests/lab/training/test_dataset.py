@@ -1,5 +1,7 @@
 """Samples on disk: every N-event histogram from one file, masks with their images, whole or not at all."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -129,3 +131,9 @@ def test_damaged_samples_are_one_line(tmp_path, content):
     path.write_bytes(path.read_bytes()[:content] if isinstance(content, int) else content)
     with pytest.raises(InputError, match=r"event\.npy: damaged samples .*; delete their folder"):
         dataset._memory_map(path)
+
+
+def test_a_pipe_among_samples_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "event.npy")
+    with pytest.raises(InputError, match=r"event\.npy: is a device or a pipe"):
+        dataset._memory_map(tmp_path / "event.npy")
