@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 from lmmap.cli import main as command
 
+# as the command does, before anything in this process, of which each child is a copy, has loaded FFmpeg
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 MOST_BYTES, HARD_BYTES, MOST_S, HARD_S, IDLE_S = 2**30, 3 * 2**30, 10.0, 20, 15.0
 WRITES = (
     *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.link", "os.symlink"),
@@ -34,6 +36,7 @@ CACHES = (
     "matplotlib",
 )  # no files of ours
 SAID = re.compile("lmmap: (note: |[0-9]+ images)")  # before an error: a note, and what `lmmap live` had
+LEARNED = re.compile("(rgb|event): ")  # progress of `lmmap adapt`, a line each camera
 OUTSIDE, NOBODY, PIPE_BYTES = 98, 65534, 2**20
 
 
@@ -53,7 +56,7 @@ class Answer(NamedTuple):
     @property
     def fault(self) -> str:
         """The fault of an answer that no command may give, or nothing."""
-        lines = [line for line in self.err.splitlines() if line.strip()]
+        lines = [line for line in self.err.splitlines() if line.strip() and not LEARNED.match(line)]
         last = lines[-1][:300] if lines else ""
         if "Traceback" in self.err or "Exception ignored" in self.err:
             return f"traceback: {last}"

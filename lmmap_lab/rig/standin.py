@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from lmmap.disk import temporary
 from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
@@ -98,9 +99,10 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
     if os.path.lexists(path):
         if read_text(path, 2**16) != text:
             raise InputError(f"{path}: is not ours to replace; move it away, or give another folder")
-        return
-    with atomic(path) as temporary:
-        temporary.write_text(text)
+        with temporary(path):  # removes what a killed run left
+            return
+    with atomic(path) as part:
+        part.write_text(text)
 
 
 def write_set(folder, seconds: float, report=print) -> None:

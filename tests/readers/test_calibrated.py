@@ -202,7 +202,7 @@ def test_of_two_cameras_the_other_one_is_named_and_can_be_chosen(tmp_path, place
         assert open_recording(tmp_path / "e.h5", CAMERA).events["t_us"][0] == 0
     assert open_recording(tmp_path / "e.h5", CAMERA, stream=left).events["t_us"][0] == 0
     assert open_recording(tmp_path / "e.h5", CAMERA, stream=right).events["t_us"][0] == 1
-    with pytest.raises(InputError, match=f"no camera middle in it; it has {left}, {right}"):
+    with pytest.raises(InputError, match=f"no camera middle in it .--stream.; it has {left}, {right}"):
         open_recording(tmp_path / "e.h5", CAMERA, stream="middle")
 
 

@@ -183,3 +183,11 @@ def test_a_file_that_is_no_hand_eye_shows_what_was_found(tmp_path, text, said):
     (tmp_path / "h.yaml").write_text(text)
     message = line(read_hand_eye, tmp_path / "h.yaml")
     assert said in message and message.startswith(f"{tmp_path / 'h.yaml'}: ")
+
+
+def test_what_a_killed_run_left_beside_a_hand_eye_file_is_removed(tmp_path):
+    path, left = tmp_path / "eye.yaml", tmp_path / ".eye.yaml.writing"
+    standin.write_hand_eye(path)
+    left.touch()
+    standin.write_hand_eye(path)
+    assert sorted(tmp_path.iterdir()) == [path]
