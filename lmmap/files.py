@@ -138,5 +138,5 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
 
 def beside(path, name: str) -> Path | None:
     """A file that serves a folder of bags: in a bag's folder, or in the one above."""
-    folder = Path(path).resolve().parent
+    folder = Path(os.path.realpath(path)).parent
     return next((p / name for p in (folder, folder.parent) if os.path.exists(p / name)), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 import warnings
@@ -169,7 +170,7 @@ def _inputs(a: Namespace) -> list[Path | None]:
 
 
 def _hand_eye(a: Namespace) -> HandEyeFile | None:
-    path = a.hand_eye or next((f for p in list(a.bags[0].resolve().parents)[:2]
+    path = a.hand_eye or next((f for p in list(Path(os.path.realpath(a.bags[0])).parents)[:2]
                                if (f := authors_bags.hand_eye_file(p, deep=False))), None)  # fmt: skip
     return read_hand_eye(path) if path else None
 

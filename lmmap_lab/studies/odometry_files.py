@@ -57,7 +57,7 @@ def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, in
     InputError
         If the folder cannot be written.
     """
-    folder = folder.resolve()
+    folder = Path(os.path.realpath(folder))
     with writes(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
     with writes(folder), temporary(folder) as new:
@@ -102,7 +102,7 @@ def export_command(a: Namespace) -> None:
     if a.folder.is_dir() and any(a.folder.iterdir()) and not a.overwrite:
         raise InputError(f"{a.folder}: holds files already; give a new folder, or --overwrite")
     for source in filter(None, (a.recording, a.camera)):
-        if Path(source).resolve().is_relative_to(a.folder.resolve()):
+        if Path(os.path.realpath(source)).is_relative_to(os.path.realpath(a.folder)):
             raise InputError(f"{a.folder}: holds {source}, which is read; give another folder")
     how = {"fps": a.fps, "time_unit": a.time_unit, "stream": a.stream}
     recording = open_recording(a.recording, a.camera, **how)

@@ -6,6 +6,7 @@ come, so that an interrupted run goes on.  All results lie in ``data/derived/rec
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def survey(folder) -> tuple[list[AuthorsBag], list[str]]:
 
 def output(folder) -> Path:
     """Where a folder's results lie."""
-    return DERIVED_DATA / "recordings" / Path(folder).resolve().name
+    return DERIVED_DATA / "recordings" / Path(os.path.realpath(folder)).name
 
 
 def reproduce(folder, report=print, adapted: bool = False) -> Path:

@@ -121,6 +121,17 @@ def test_an_export_replaces_nothing_that_it_reads(tmp_path, exported, capsys):
     assert snapshot(folder) == before
 
 
+def test_a_link_to_itself_is_one_line(tmp_path, capsys):
+    loop = tmp_path / "loop.bag"
+    loop.symlink_to(loop)
+    for argv in (("odometry", "export", loop, tmp_path / "out"), ("estimate", loop, "-o", tmp_path / "p.csv"),
+                 ("calibrate", loop, "-o", tmp_path / "rig.json")):  # fmt: skip
+        more = ("--modality", "rgb") if argv[0] == "estimate" else ()
+        assert main.main([str(a) for a in (*argv, *more)]) == 1
+        err = capsys.readouterr().err
+        assert "loop.bag" in err and len(err.splitlines()) == 1
+
+
 @pytest.mark.parametrize("limit", [30_000, 300_000])
 def test_a_full_disk_leaves_an_old_export_whole(tmp_path, exported, mini, limit):
     """A limit on the size of files stands for the disk: of an image, or of the bag."""
