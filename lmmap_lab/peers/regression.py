@@ -1,0 +1,179 @@
+"""Learning alone: a network from an image to a pose, without geometry but for the camera's rays.
+
+It answers with a rotation in the 6-D form (Zhou et al. 2019), turned as seen along the ray to the port, with
+this ray and with the logarithm of the depth; and with the logarithm of a scale of the error of each, which a
+Laplacian likelihood teaches it.  The loss takes the nearest of the rotations that the port's symmetry makes
+equal.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from lmmap.geometry.projection import project
+from lmmap.geometry.rotations import rotation_z
+from lmmap.pipeline.network import CHANNELS, encode
+from lmmap.settings import OURS
+from lmmap.types import Camera, Estimate, Port, Pose, Status
+
+from .samples import PosedSamples, events_of, vary
+
+STAGES = (1, 2, 4, 8, 8)  # channels after each halving of the image, in the first stage's
+SMALL, LARGE = 32, 128  # channels of the first stage: as many weights as both filters have, and ten times
+KEPT, HIDDEN, ANSWERS = 48, 256, 12
+SIZE_PX = (256, 192)  # of the image that the network sees
+TYPICAL_M = 0.64  # depth at which an untrained network sees the port
+TURN = np.diag([1.0, -1.0, -1.0])  # and the rotation: head-on
+
+
+class PoseNet(nn.Module):
+    """Answers (N, 12) of images (N, C, 192, 256): two columns of the rotation, x / z, y / z and log z, and
+    the logarithms of three scales."""
+
+    def __init__(self, channels: int, width: int = SMALL):
+        super().__init__()
+        layers, last = [], channels
+        for stage in STAGES:
+            layers += [nn.Conv2d(last, stage * width, 3, 2, 1), nn.GroupNorm(8, stage * width), nn.ReLU()]
+            last = stage * width
+        cells = np.prod(SIZE_PX) // 4 ** len(STAGES)
+        self.body = nn.Sequential(*layers, nn.Conv2d(last, KEPT, 1), nn.ReLU(), nn.Flatten())
+        self.head = nn.Sequential(nn.Linear(KEPT * cells, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, ANSWERS))
+        nn.init.zeros_(self.head[-1].weight)
+        with torch.no_grad():
+            self.head[-1].bias.copy_(
+                torch.tensor([*TURN[:, 0], *TURN[:, 1], 0, 0, np.log(TYPICAL_M), 0, 0, 0])
+            )
+
+    def forward(self, x):
+        seen = self.body(x).float()
+        with torch.autocast(x.device.type, enabled=False):  # eight bits would round a pose
+            return self.head(seen)
+
+
+def network(modality: str, width: int = SMALL) -> PoseNet:
+    """An untrained network."""
+    return PoseNet(CHANNELS[modality], width)
+
+
+def rotations(columns: torch.Tensor) -> torch.Tensor:
+    """Rotations (..., 3, 3) of their first two columns (..., 6), made orthonormal in their order."""
+    x = F.normalize(columns[..., :3], dim=-1)
+    y = F.normalize(columns[..., 3:] - (x * columns[..., 3:]).sum(-1, keepdim=True) * x, dim=-1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], -1)
+
+
+def differences(answers: torch.Tensor, truth: torch.Tensor, symmetry: int = 3) -> torch.Tensor:
+    """How far answers (N, 12) are from truths (N, 9) in rotation, ray and logarithm of depth, (N, 3); of the
+    rotations that the symmetry makes equal the nearest counts, by Frobenius' norm."""
+    turns = torch.tensor(rotation_z(np.arange(symmetry) * 2 * np.pi / symmetry), dtype=truth.dtype)
+    equal = rotations(truth[:, None, :6]) @ turns.to(truth.device)
+    apart = (rotations(answers[:, None, :6]) - equal).flatten(2).norm(dim=-1).amin(1)
+    ray = (answers[:, 6:8] - truth[:, 6:8]).norm(dim=-1)
+    return torch.stack([apart, ray, (answers[:, 8] - truth[:, 8]).abs()], -1)
+
+
+def pose_loss(answers: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean negative logarithm of the Laplacian likelihood of truths (N, 9), less its constant."""
+    log_scale = answers[:, 9:].clamp(-6, 3)
+    return (differences(answers, truth) * torch.exp(-log_scale) + log_scale).sum(-1).mean()
+
+
+class PoseTarget(torch.Tensor):
+    """Truths (N, 9), which are compared by `pose_loss` where `training.batches` compares masks by
+    cross-entropy: so the one loop of training serves poses too."""
+
+    @classmethod
+    def __torch_function__(cls, func, types, args=(), kwargs=None):
+        if func is F.binary_cross_entropy_with_logits:
+            return pose_loss(args[0], args[1].as_subclass(torch.Tensor))
+        return super().__torch_function__(func, types, args, kwargs or {})
+
+
+def to_ray(position_m) -> np.ndarray:
+    """The least rotation (3, 3) that takes the optical axis to the ray of a position."""
+    x, y, z = np.asarray(position_m) / np.linalg.norm(position_m)
+    return np.array([[1 - x * x / (1 + z), -x * y / (1 + z), x], [-x * y / (1 + z), 1 - y * y / (1 + z), y],
+                     [-x, -y, z]])  # fmt: skip
+
+
+def encode_pose(T_cam_port: Pose) -> np.ndarray:
+    """A pose as the network answers it, (9,) f32."""
+    seen, (x, y, z) = to_ray(T_cam_port.position_m).T @ T_cam_port.rotation, T_cam_port.position_m
+    return np.array([*seen[:, 0], *seen[:, 1], x / z, y / z, np.log(z)], np.float32)
+
+
+def decode_pose(answer: np.ndarray) -> Pose:
+    """Inverse of `encode_pose`."""
+    position_m = np.exp(float(answer[8])) * np.array([answer[6], answer[7], 1.0])
+    seen = rotations(torch.tensor(np.asarray(answer[:6], float))).numpy()
+    return Pose(to_ray(position_m) @ seen, position_m)
+
+
+def shrink(image: np.ndarray) -> np.ndarray:
+    """An image as the network sees it; a histogram's counts are added up, not averaged."""
+    small = cv2.resize(image.astype(np.float32), SIZE_PX, interpolation=cv2.INTER_AREA)
+    return small if image.ndim == 3 else small * (image.size / small.size)
+
+
+def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera):
+    """An image and its pose as another camera sees them: turned about the optical axis, and before that
+    mirrored.  A mirror image of the port is the port, for it is symmetric about the marker's direction.
+    """
+    R, p = T_cam_port.rotation, T_cam_port.position_m
+    if mirror:
+        flip = np.diag([-1.0, 1.0, 1.0])
+        R, p = flip @ R @ np.diag([1.0, -1.0, 1.0]), flip @ p
+    turn = rotation_z(angle_rad)
+    centre, across = np.array([camera.cx_px, camera.cy_px]), np.array([-1.0 if mirror else 1.0, 1.0])
+    matrix = turn[:2, :2] * across
+    shift = centre - matrix @ centre
+    image = cv2.warpAffine(image, np.column_stack([matrix, shift]), camera.size_px,
+                           flags=cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST)  # fmt: skip
+    return image, Pose(turn @ R, turn @ p)
+
+
+def batch(samples: PosedSamples, recipe, step: int, camera: Camera) -> tuple[torch.Tensor, PoseTarget]:
+    """Input (B, C, 192, 256) and truths (B, 9) of a step's images.  The camera's lens has to be alike in
+    all directions."""
+    rng = np.random.default_rng([recipe.seed, step])
+    pairs = [_whole(samples, recipe, camera, rng) for _ in range(recipe.batch)]
+    images, truths = (np.stack([pair[k] for pair in pairs]) for k in (0, 1))
+    return encode(images, recipe.modality), torch.from_numpy(truths).as_subclass(PoseTarget)
+
+
+def _whole(samples, recipe, camera, rng):
+    while True:  # a port out of the image has no pose to learn
+        index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
+        image = samples.image(index, events_of(recipe, rng)).astype(np.float32)
+        image, pose = rolled(image, samples.pose(index), angle_rad, mirror, camera)
+        at = project(pose.position_m, camera)
+        if np.all((at > 0) & (at < camera.size_px)):
+            break
+    mask = samples.mask(index).astype(np.float32)
+    mask, _ = rolled(mask, pose, angle_rad, mirror, camera)
+    return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)), encode_pose(pose)
+
+
+class PoseEstimator:
+    """Called like `lmmap.Estimator`: an image and its time give an `Estimate`.  Its confidence is the chance
+    that the predicted errors keep to the limits of a right pose."""
+
+    def __init__(
+        self, net: nn.Module, modality: str, camera: Camera, port: Port, min_confidence: float = 0.0
+    ):
+        self.net, self.modality, self.camera, self.port = net.eval(), modality, camera, port
+        self.min_confidence = min_confidence
+
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        with torch.inference_mode():
+            answer = self.net(encode(shrink(image)[None], self.modality))[0].double().numpy()
+        pose = decode_pose(answer)
+        depth_m = pose.position_m[2]
+        limits = np.array([2**0.5 * OURS.right_normal_rad, *2 * [OURS.right_position_m / depth_m]])
+        confidence = float(np.prod(1 - np.exp(-limits / np.exp(np.clip(answer[9:], -6, 3)))))
+        return Estimate(t_us, Status.OK, pose).judged(confidence, self.min_confidence)

@@ -1,0 +1,84 @@
+"""Samples whose poses are known: those of `training.dataset`, and the pose of each image beside its masks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from lmmap.settings import PAPER
+from lmmap.types import Port, Pose, Recording
+
+from ..bench import sequences, varied
+from ..provenance import fingerprint
+from ..training import augment, dataset
+
+
+def posed_samples(recording: Recording, count: int, port: Port) -> dict[str, np.ndarray]:
+    """`dataset.sample_recording`, and ``rgb_poses``, ``event_poses`` (N, 3, 4): rotation and position."""
+    arrays, at = dataset.sample_recording(recording, count, port), recording.truth.at
+    frames_us = recording.frames_t_us[dataset._spread(len(recording.frames), count)]
+    for modality, t_us in (("rgb", frames_us), ("event", dataset._sample_events(recording, count)[1])):
+        poses = at(np.array(t_us, np.int64))
+        arrays[f"{modality}_poses"] = np.concatenate([poses.rotation, poses.position_m[..., None]], -1)
+    return arrays
+
+
+def port_of(name: str) -> Port:
+    """The port of a training sequence."""
+    is_varied = varied.NAME.fullmatch(name)
+    return varied.draw_port(varied.base_sequence(name)) if is_varied else Port.lm_map()
+
+
+def make(names: Iterable[str], folder: Path, jobs: int = -1, report=print) -> None:
+    """Simulate sequences and write their samples into ``folder/NAME``; those that are there are kept."""
+    absent = [name for name in names if not (folder / name).is_dir()]
+    tasks = [joblib.delayed(_make)(name, folder) for name in absent]
+    for i, path in enumerate(joblib.Parallel(jobs, return_as="generator_unordered")(tasks), 1):
+        report(f"samples: {path.name}, {i} of {len(absent)}")
+
+
+def _make(name: str, folder: Path) -> Path:
+    port, code = port_of(name), (sequences.simulate, varied.record_varied, posed_samples)
+    if varied.NAME.fullmatch(name):
+        recording, count = varied.record_varied(name, port=port), dataset.VARIED_SAMPLES
+    else:
+        recording, count = sequences.simulate(name, dataset.SEQUENCE_SECONDS), dataset.SAMPLES
+    samples = posed_samples(recording, count, port)
+    return dataset.write_samples(folder / name, samples, fingerprint(code=code))
+
+
+class PosedSamples(dataset.Samples):
+    """Samples as `make` writes them, with ``mask`` that of the ring; ``most`` of them, drawn by ``seed``."""
+
+    def __init__(self, names: list[str], modality: str, folder: Path, most: int | None = None, seed: int = 0):
+        super().__init__(names, "ring", modality, folder)
+        if most is not None and most < len(self):
+            chosen = np.random.default_rng(seed).permutation(len(self))[:most]
+            self._places = [self._places[i] for i in sorted(chosen)]
+
+    def pose(self, index: int) -> Pose:
+        """``T_cam_port``."""
+        name, i = self._places[index]
+        matrix = self._array(name, "_poses")[i]
+        return Pose(matrix[:, :3], matrix[:, 3])
+
+    def port(self, index: int) -> Port:
+        """The port that the image shows."""
+        return port_of(self._places[index][0])
+
+
+def events_of(recipe, rng) -> int:
+    """How many events a training image has, as in `batches`."""
+    events = PAPER.events_per_window
+    return int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS)))) if recipe.robust else events
+
+
+def vary(image, mask, cover, recipe, rng) -> np.ndarray:
+    """A training image after what `batches` does to it; ``cover`` is as in `augment.clutter`."""
+    if not recipe.robust:
+        return augment.expose(image, rng) if recipe.modality == "rgb" else image
+    change = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
+    return change(image, mask, cover, rng)[0]

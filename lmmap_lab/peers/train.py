@@ -1,0 +1,142 @@
+"""Train a peer's network; an interrupted run goes on from its checkpoint.
+
+python -m lmmap_lab.peers.train --peer pnp --modality rgb --steps 30000 -o FOLDER
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from safetensors.torch import load_file
+from torch.nn import functional as F
+
+from lmmap.pipeline.weights import load_card, save_weights
+from lmmap.settings import MODALITIES
+from lmmap.types import Camera, InputError, Port
+
+from ..provenance import DERIVED_DATA, commit
+from ..training import dataset
+from ..training.batches import learn
+from ..training.learning import seeded
+from ..training.recipe import SHIPPED, Recipe
+from . import points, regression, samples
+
+CHECKPOINT_STEPS, CHECKED_BATCHES = 250, 4
+FILTER = "ring"  # a recipe names one; peers have none
+
+
+class Peer(NamedTuple):
+    """How a peer makes its network, a step's batch, and what answers like `lmmap.Estimator`."""
+
+    network: Callable[[str], torch.nn.Module]
+    batch: Callable
+    estimator: Callable
+
+
+PEERS = {
+    "pnp": Peer(points.network, points.batch, points.PointEstimator),
+    "pose": Peer(regression.network, regression.batch, regression.PoseEstimator),
+    "pose-large": Peer(partial(regression.network, width=regression.LARGE), regression.batch,
+                       regression.PoseEstimator),
+}  # fmt: skip
+
+
+def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: list[str] | None = None,
+          images: int | None = None, every: int = CHECKPOINT_STEPS, camera: Camera | None = None,
+          report=print) -> Path:  # fmt: skip
+    """Train a peer and save its weights, with their card, in ``folder``; returns their path.
+
+    Parameters
+    ----------
+    peer
+        One of `PEERS`.
+    samples_folder
+        Where `samples.make` writes what is absent.
+    names
+        Sequences; default: those of the recipe's networks.
+    images
+        Learn from so many images only, drawn by the recipe's seed.
+    every
+        Steps between two checkpoints.
+    """
+    makes, camera = PEERS[peer], camera or Camera.davis346()
+    names = names or dataset.SETS[recipe.networks]
+    samples.make(names, samples_folder, report=report)
+    for_training, held_out_names = dataset.split(names)
+    shown = samples.PosedSamples(for_training, recipe.modality, samples_folder, images, recipe.seed)
+    held_out = samples.PosedSamples(held_out_names, recipe.modality, samples_folder)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    net = seeded(recipe, makes.network, recipe.modality).to(device, memory_format=torch.channels_last)
+    path = weights_path(folder, peer, recipe.modality)
+
+    @torch.inference_mode()
+    def check(done: int) -> dict:
+        net.eval()
+        losses = []
+        for step in range(CHECKED_BATCHES):
+            x, y = makes.batch(held_out, recipe, step, camera)
+            losses.append(F.binary_cross_entropy_with_logits(net(x.to(device)), y.to(device)).item())
+        return {"loss": round(sum(losses) / len(losses), 6)}
+
+    progress = learn(net, recipe, lambda step: makes.batch(shown, recipe, step, camera),
+                     path.with_suffix(".ckpt.safetensors"), every, check=check)  # fmt: skip
+    for step, curve in progress:
+        if curve and curve[-1]["step"] == step:
+            report("{}: step {step} of {}, loss {loss:.4f}".format(path.stem, recipe.steps, **curve[-1]))
+    card = {"peer": peer, "recipe": asdict(recipe), "commit": commit(), "bench": shown.made_of(),
+            "training_sequences": for_training, "training_images": len(shown), "device": device,
+            "torch": torch.__version__, "curve": curve}  # fmt: skip
+    save_weights(net.float(), path, card)
+    return path
+
+
+def weights_path(folder: Path, peer: str, modality: str) -> Path:
+    """Where `train` saves a peer's weights."""
+    return Path(folder) / f"{peer}-{modality}.safetensors"
+
+
+def load(path: Path, camera: Camera | None = None, port: Port | None = None, min_confidence: float = 0.0):
+    """The estimator of weights that `train` saved, called like `lmmap.Estimator`."""
+    card = load_card(path)
+    makes, modality = PEERS[card["peer"]], card["recipe"]["modality"]
+    net = makes.network(modality)
+    net.load_state_dict({name: values.float() for name, values in load_file(path).items()})
+    return makes.estimator(net, modality, camera or Camera.davis346(), port or Port.lm_map(), min_confidence)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--peer", choices=PEERS, required=True)
+    parser.add_argument("--modality", choices=MODALITIES, required=True)
+    text = "learn from the sequences and variations of this set of filters (default: low)"
+    parser.add_argument("--networks", choices=SHIPPED, default="low", help=text)
+    parser.add_argument("--steps", type=int, help="default: as many as those filters")
+    parser.add_argument("--rate", type=float, default=1e-3, help="of Adam (default: 0.001)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
+    parser.add_argument("--images", type=int, help="learn from so many images only (default: all)")
+    default = DERIVED_DATA / "peers"
+    text = f"samples, made where they are absent (default: {default})"
+    parser.add_argument("--samples", type=Path, default=default, metavar="FOLDER", help=text)
+    text = "folder for the weights and their checkpoint"
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help=text)
+    args = parser.parse_args(arguments)
+    try:
+        steps = SHIPPED[args.networks]["steps"] if args.steps is None else args.steps
+        recipe = Recipe(FILTER, args.modality, args.networks, args.seed, steps, rate=args.rate)
+        if args.images is not None and args.images < 1:
+            raise InputError(f"--images {args.images}: expected at least 1")
+        print(train(args.peer, recipe, args.output, args.samples, images=args.images))
+    except InputError as error:
+        raise SystemExit(str(error)) from None
+
+
+if __name__ == "__main__":
+    main()

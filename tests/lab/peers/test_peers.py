@@ -1,0 +1,178 @@
+"""The peers: each one's law, and that all learn by the one loop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m, rotation_error_rad
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.geometry.port import ideal_masks
+from lmmap.geometry.projection import project_points
+from lmmap.geometry.rotations import rotation_z
+from lmmap.types import EVENT, Camera, Estimate, Port, Pose, Recording, Status, Trajectory
+from lmmap_lab.bench.laboratory import sequence, sequence_motion
+from lmmap_lab.peers import geometry, points, regression, samples, study, train
+from lmmap_lab.training import dataset
+from lmmap_lab.training.recipe import Recipe
+
+CAMERA, PORT = Camera.davis346(), Port.lm_map()
+BARREL = replace(CAMERA, distortion=(-0.2, 0.05, 0.0, 0.0))
+POSES = Pose.stack([sequence_motion(sequence(f"realistic-{n}"), np.array([3.0])) for n in (1, 2, 4, 5)])
+
+
+def drawn(T_cam_port: Pose) -> np.ndarray:
+    """A dark frame with the ring and the markers in white."""
+    white = ideal_masks(T_cam_port, PORT, CAMERA).max(0)
+    return np.repeat((15 + 185 * white).astype(np.uint8)[..., None], 3, -1)
+
+
+@pytest.mark.parametrize("detectors", [("contours",), ("templates",), geometry.DETECTORS])
+def test_geometry_finds_a_drawn_ring(detectors):
+    for pose in POSES:
+        true = circle_ellipse(pose, PORT.ring_radius_m, CAMERA)
+        u, v, *axes, _ = geometry.find_ring(drawn(pose), PORT, detectors)
+        assert np.allclose((u, v), true.centre_px, atol=1.0)
+        assert np.allclose(sorted(axes, reverse=True), true.semi_axes_px, atol=1.5)
+
+
+def test_geometry_gives_the_pose_of_a_drawn_port_and_none_of_an_empty_image():
+    answer = geometry.estimator("rgb")
+    for pose in POSES:
+        found = answer(drawn(pose)).found
+        assert position_error_m(found, pose) < 0.01
+        assert normal_error_rad(found, pose) < np.deg2rad(4)
+        assert rotation_error_rad(found, pose, PORT.yaw_period_rad) < np.deg2rad(4)
+    assert answer(np.zeros((260, 346, 3), np.uint8)).status == Status.NO_RING
+    assert geometry.estimator("event")(np.zeros((260, 346), np.uint16)).status == Status.NO_RING
+
+
+@pytest.mark.parametrize("camera", [CAMERA, BARREL])
+def test_pnp_on_exact_points_in_any_order_returns_the_pose(camera, rng):
+    for pose in POSES:
+        at = project_points(pose, points.points_m(PORT), camera)
+        shuffled = np.stack([rng.permutation(of_class) for of_class in at])
+        found, confidence = points.solve(shuffled, np.ones(at.shape[:2]), PORT, camera)
+        assert position_error_m(found, pose) < 1e-8
+        assert rotation_error_rad(found, pose, PORT.yaw_period_rad) < 1e-7
+        assert confidence == 1
+
+
+def test_pnp_survives_lost_and_false_points_and_is_less_sure(rng):
+    at, heights = project_points(POSES[0], points.points_m(PORT), CAMERA), np.ones((points.CLASSES, 3))
+    at[0, 0], heights[0, 0], at[5, 1] = np.nan, 0, (10, 10)
+    found, confidence = points.solve(at, heights, PORT, CAMERA)
+    assert position_error_m(found, POSES[0]) < 1e-8
+    assert confidence == pytest.approx(16 / 18)
+    assert points.solve(np.full_like(at, np.nan), 0 * heights, PORT, CAMERA) is None
+
+
+def test_peaks_of_heatmaps_are_their_points():
+    at = project_points(POSES[1], points.points_m(PORT), CAMERA)
+    found, heights = points.peaks(points.heatmaps(at, (260, 346)), 3)
+    for true, seen in zip(at, found, strict=True):
+        assert np.linalg.norm(true[:, None] - seen, axis=-1).min(1).max() < 0.35
+    assert heights.min() > 0.8
+
+
+def test_a_pose_is_its_code_and_its_loss_does_not_know_a_third_of_a_turn():
+    for pose in POSES:
+        code = regression.encode_pose(pose)
+        back = regression.decode_pose(code.astype(float))
+        assert position_error_m(back, pose) < 1e-6
+        assert rotation_error_rad(back, pose, PORT.yaw_period_rad) < 1e-6
+        truth, answer = torch.from_numpy(code)[None], torch.zeros(1, regression.ANSWERS)
+        for k in range(3):
+            turned = Pose(pose.rotation @ rotation_z(k * PORT.yaw_period_rad), pose.position_m)
+            answer[0, :9] = torch.from_numpy(regression.encode_pose(turned))
+            assert regression.differences(answer, truth).max() < 1e-5
+        answer[0, :9] = torch.from_numpy(
+            regression.encode_pose(Pose(pose.rotation @ rotation_z(1.0), pose.position_m))
+        )
+        assert regression.differences(answer, truth)[0, 0] > 1
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_a_rolled_image_shows_the_rolled_pose(mirror):
+    for pose in POSES:
+        image, turned = regression.rolled(drawn(pose), pose, 0.7, mirror, CAMERA)
+        assert np.linalg.det(turned.rotation) == pytest.approx(1)
+        expected = drawn(turned)
+        around = project_points(turned, points.points_m(PORT), CAMERA).reshape(-1, 2)
+        (left, top), (right, bottom) = np.rint([around.min(0), around.max(0)]).astype(int).clip(0)
+        difference = np.abs(image.astype(int) - expected)[top:bottom, left:right]
+        assert difference.mean() < 6
+
+
+@pytest.fixture(scope="module")
+def drawn_samples(tmp_path_factory):
+    """Ten sequences of two drawn frames, and their names."""
+    folder = tmp_path_factory.mktemp("samples")
+    names = [f"augmented-{k}" for k in range(10)]
+    for k, name in enumerate(names):
+        poses = POSES[np.array([k % 4, (k + 1) % 4])]
+        frames = np.stack([drawn(pose) for pose in poses])
+        matrices = np.concatenate([poses.rotation, poses.position_m[..., None]], -1)
+        arrays = {"rgb": frames, "rgb_labels": (frames[..., 0] > 150).astype(np.uint8), "rgb_poses": matrices}
+        dataset.write_samples(folder / name, arrays, "drawn")
+    return folder, names
+
+
+@pytest.mark.parametrize("peer", ["pnp", "pose"])
+def test_a_peer_learns_goes_on_where_it_was_and_answers(drawn_samples, tmp_path, monkeypatch, peer):
+    folder, names = drawn_samples
+    small = train.PEERS[peer]._replace(network=_small(peer))
+    monkeypatch.setitem(train.PEERS, peer, small)
+    recipe = Recipe("ring", "rgb", steps=16, batch=4, rate=3e-3, warm_up=2)
+
+    def run(where):
+        return train.train(peer, recipe, tmp_path / where, folder, names, every=8, report=lambda line: None)
+
+    whole = run("whole")
+    curve = train.load_card(whole)["curve"]
+    assert curve[-1]["training_loss"] < curve[0]["training_loss"]
+
+    def killed(*args):
+        if args[2] == 12:
+            raise KeyboardInterrupt
+        return small.batch(*args)
+
+    with monkeypatch.context() as patch:
+        patch.setitem(train.PEERS, peer, small._replace(batch=killed))
+        with pytest.raises(KeyboardInterrupt):
+            run("cut")
+    assert run("cut").read_bytes() == whole.read_bytes()
+
+    answer = train.load(whole)(drawn(POSES[0]), 5)
+    assert answer.t_us == 5
+    assert 0 <= answer.confidence <= 1
+
+
+def _small(peer):
+    return {"pnp": lambda m: points.network(m, 1 / 8), "pose": lambda m: regression.network(m, 8)}[peer]
+
+
+def test_fewer_images_are_a_part_of_all(drawn_samples):
+    folder, names = drawn_samples
+    few = [samples.PosedSamples(names, "rgb", folder, 5, seed) for seed in (0, 0, 1)]
+    places = [sample._places for sample in few]
+    assert [len(p) for p in places] == [5, 5, 5]
+    assert places[0] == places[1] != places[2]
+
+
+def test_side_by_side(drawn_samples):
+    t_us = np.array([0, 50_000])
+    truth, frames = Trajectory(t_us, POSES[:2]), np.stack([drawn(pose) for pose in POSES[:2]])
+    recording = Recording("drawn", CAMERA, np.zeros(0, EVENT), frames, t_us, truth)
+    makes = {
+        "geometry": geometry.estimator("rgb"),
+        "never": lambda image, t_us=0: Estimate(t_us, Status.NO_RING),
+    }
+    table, limits = study.compare([recording], "rgb", makes, report=lambda line: None)
+    never = table.set_index("method").loc["never"]
+    assert never.none_percent == 100
+    assert never.parameters == 0
+    shares = table[list(study.SHARES)].sum(axis=1)
+    assert np.allclose(shares, 100)
+    assert set(limits.method) == set(makes)
