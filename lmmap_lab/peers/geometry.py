@@ -32,7 +32,7 @@ SHAPES = (1.0, 0.0), *((0.8, k * np.pi / 4) for k in range(4))  # ratio of their
 STRONGEST = 3.0  # an edge's strength beyond which it counts no more
 ANGLES = 90  # around an ellipse
 BLURS_PX = 2.0, 1.0, 0.0  # of the edges, while the best `KEPT` candidates climb
-KEPT, ROUNDS, NEIGHBOURS, SHRINK = 6, 8, 40, 0.75
+KEPT, ROUNDS, NEIGHBOURS, SHRINK = 12, 8, 40, 0.75
 LEAST_SCORE = 0.45  # of a ring, in units of the edges of its neighbourhood
 REACH = 0.8  # of the ring's radius, within which markers appear, in spite of parallax
 QUIET = 0.7  # share of the pixels inside the ring that no line of events crosses
@@ -152,10 +152,10 @@ def by_templates(strength: np.ndarray, radii: np.ndarray) -> np.ndarray:
 
 
 def ring_scores(strength: np.ndarray, middle: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """How much stronger an image's `outline.edges` (H, W) are on both edges of rings (N, 5) than between
-    them, (N,): the weaker of the two.  ``radii`` (2,) are in those of the middle line."""
-    on = [_along(strength, middle * [1, 1, scale, scale, 1]) for scale in (*radii, 1.0)]
-    return np.minimum(on[0], on[1]) - on[2]
+    """How much stronger an image's `outline.edges` (H, W) are on both edges of rings (N, 5) than between them,
+    (N,): the geometric mean of both.  ``radii`` (2,) are in those of the middle line."""
+    inner, outer, between = (_along(strength, middle * [1, 1, s, s, 1]) for s in (*radii, 1.0))
+    return np.sqrt(np.maximum(inner, 0) * np.maximum(outer, 0)) - between
 
 
 def _along(strength, ellipses) -> np.ndarray:

@@ -20,8 +20,9 @@ from torch.nn import functional as F
 
 from lmmap.geometry.projection import project_points, undistort_points
 from lmmap.pipeline.network import CHANNELS, STRIDE_PX, WIDTHS, FilterNet, encode
-from lmmap.types import Camera, Estimate, Port, Pose, Status
+from lmmap.types import Camera, Port, Pose
 
+from ..training.recipe import Recipe
 from .samples import PosedSamples, events_of, vary
 
 CLASSES, MIRRORED = 6, [3, 2, 1, 0, 4, 5]  # the latter: what a mirror makes of each class
@@ -69,15 +70,8 @@ def network(modality: str, width: float = 1.0) -> PointNet:
     return PointNet(CHANNELS[modality], widths=[round(width * w) for w in WIDTHS])
 
 
-def batch(samples: PosedSamples, recipe, step: int, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-    """Input (B, C, S, S) and heatmaps (B, CLASSES, S, S) of a step's crops, most of them at a point."""
-    rng = np.random.default_rng([recipe.seed, step])
-    pairs = [_crop(samples, recipe, camera, rng) for _ in range(recipe.batch)]
-    images, heatmaps = (np.stack([pair[k] for pair in pairs]) for k in (0, 1))
-    return encode(images, recipe.modality), torch.from_numpy(heatmaps)
-
-
-def _crop(samples, recipe, camera, rng):
+def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
+    """A varied crop (S, S, ...), most of them at a point, and its heatmaps (CLASSES, S, S)."""
     index, other, size = rng.integers(len(samples)), rng.integers(len(samples)), recipe.crop_px
     events = events_of(recipe, rng)
     at = project_points(samples.pose(index), points_m(samples.port(index)), camera)
@@ -166,19 +160,7 @@ def solve(
     return pose, float(min(heights[known][fitting].sum() / heights.size, 1.0))
 
 
-class PointEstimator:
-    """Called like `lmmap.Estimator`: an image and its time give an `Estimate`."""
-
-    def __init__(
-        self, net: nn.Module, modality: str, camera: Camera, port: Port, min_confidence: float = 0.0
-    ):
-        self.net, self.modality, self.camera, self.port = net.eval(), modality, camera, port
-        self.min_confidence = min_confidence
-
-    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        with torch.inference_mode():
-            maps = torch.sigmoid(self.net(encode(image[None], self.modality)))[0].float().numpy()
-        answer = solve(*peaks(maps, self.port.symmetry), self.port, self.camera)
-        if answer is None:
-            return Estimate(t_us, Status.NO_MARKERS)
-        return Estimate(t_us, Status.OK, answer[0]).judged(answer[1], self.min_confidence)
+def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float] | None:
+    """The pose of an image, and its confidence, as `solve`."""
+    maps = torch.sigmoid(net(encode(image[None], modality)))[0].float().numpy()
+    return solve(*peaks(maps, port.symmetry), port, camera)

@@ -18,13 +18,15 @@ from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.settings import OURS
-from lmmap.types import Camera, Estimate, Port, Pose, Status
+from lmmap.types import Camera, Port, Pose
 
+from ..training.recipe import Recipe
 from .samples import PosedSamples, events_of, vary
 
 STAGES = (1, 2, 4, 8, 8)  # channels after each halving of the image, in the first stage's
 SMALL, LARGE = 32, 128  # channels of the first stage: as many weights as both filters have, and ten times
 KEPT, HIDDEN, ANSWERS = 48, 256, 12
+LOG_SCALES = -6.0, 3.0  # of errors
 SIZE_PX = (256, 192)  # of the image that the network sees
 TYPICAL_M = 0.64  # depth at which an untrained network sees the port
 TURN = np.diag([1.0, -1.0, -1.0])  # and the rotation: head-on
@@ -79,7 +81,7 @@ def differences(answers: torch.Tensor, truth: torch.Tensor, symmetry: int = 3) -
 
 def pose_loss(answers: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Mean negative logarithm of the Laplacian likelihood of truths (N, 9), less its constant."""
-    log_scale = answers[:, 9:].clamp(-6, 3)
+    log_scale = answers[:, 9:].clamp(*LOG_SCALES)
     return (differences(answers, truth) * torch.exp(-log_scale) + log_scale).sum(-1).mean()
 
 
@@ -137,16 +139,9 @@ def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, 
     return image, Pose(turn @ R, turn @ p)
 
 
-def batch(samples: PosedSamples, recipe, step: int, camera: Camera) -> tuple[torch.Tensor, PoseTarget]:
-    """Input (B, C, 192, 256) and truths (B, 9) of a step's images.  The camera's lens has to be alike in
-    all directions."""
-    rng = np.random.default_rng([recipe.seed, step])
-    pairs = [_whole(samples, recipe, camera, rng) for _ in range(recipe.batch)]
-    images, truths = (np.stack([pair[k] for pair in pairs]) for k in (0, 1))
-    return encode(images, recipe.modality), torch.from_numpy(truths).as_subclass(PoseTarget)
-
-
-def _whole(samples, recipe, camera, rng):
+def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
+    """A varied image (192, 256, ...) and its truth (9,).  The camera's lens has to be alike in all
+    directions."""
     while True:  # a port out of the image has no pose to learn
         index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
         image = samples.image(index, events_of(recipe, rng)).astype(np.float32)
@@ -159,21 +154,10 @@ def _whole(samples, recipe, camera, rng):
     return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)), encode_pose(pose)
 
 
-class PoseEstimator:
-    """Called like `lmmap.Estimator`: an image and its time give an `Estimate`.  Its confidence is the chance
-    that the predicted errors keep to the limits of a right pose."""
-
-    def __init__(
-        self, net: nn.Module, modality: str, camera: Camera, port: Port, min_confidence: float = 0.0
-    ):
-        self.net, self.modality, self.camera, self.port = net.eval(), modality, camera, port
-        self.min_confidence = min_confidence
-
-    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        with torch.inference_mode():
-            answer = self.net(encode(shrink(image)[None], self.modality))[0].double().numpy()
-        pose = decode_pose(answer)
-        depth_m = pose.position_m[2]
-        limits = np.array([2**0.5 * OURS.right_normal_rad, *2 * [OURS.right_position_m / depth_m]])
-        confidence = float(np.prod(1 - np.exp(-limits / np.exp(np.clip(answer[9:], -6, 3)))))
-        return Estimate(t_us, Status.OK, pose).judged(confidence, self.min_confidence)
+def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float]:
+    """The pose of an image, and the chance that the predicted errors keep to the limits of a right pose."""
+    values = net(encode(shrink(image)[None], modality))[0].double().numpy()
+    pose = decode_pose(values)
+    reach = OURS.right_position_m / pose.position_m[2]
+    limits = np.array([2**0.5 * OURS.right_normal_rad, reach, reach])
+    return pose, float(np.prod(1 - np.exp(-limits / np.exp(values[9:].clip(*LOG_SCALES)))))

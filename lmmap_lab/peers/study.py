@@ -81,7 +81,8 @@ def compare(recordings: Iterable[Recording], modality: str, makes: dict[str, Ans
     port, tables, known, spent_s, shown, costs = Port.lm_map(), {}, {}, {}, 0, {}
     for recording in recordings:
         shots = list(images(recording, modality))
-        shots = [shots[i] for i in _spread(len(shots), most or len(shots))]
+        wanted = min(most or len(shots), len(shots))
+        shots = [shots[int(i)] for i in np.linspace(0, len(shots) - 1, wanted)]
         shown += len(shots)
         for name, estimator in makes.items():
             if name not in costs:  # which also compiles what the first image needs
@@ -99,10 +100,6 @@ def compare(recordings: Iterable[Recording], modality: str, makes: dict[str, Ans
     ]  # fmt: skip
     limits = [by_limit(tables[name], known[name]).assign(modality=modality, method=name) for name in makes]
     return pd.DataFrame(rows), pd.concat(limits, ignore_index=True)
-
-
-def _spread(total: int, wanted: int) -> np.ndarray:
-    return np.unique(np.linspace(0, total - 1, min(wanted, total)).astype(int))
 
 
 def _shares(tables: list[pd.DataFrame]) -> dict[str, float]:

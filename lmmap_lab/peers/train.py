@@ -6,19 +6,23 @@ python -m lmmap_lab.peers.train --peer pnp --modality rgb --steps 30000 -o FOLDE
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+import safetensors.torch
 import torch
-from safetensors.torch import load_file
 from torch.nn import functional as F
 
+from lmmap.pipeline.inputs import check_image
+from lmmap.pipeline.network import encode
 from lmmap.pipeline.weights import load_card, save_weights
 from lmmap.settings import MODALITIES
-from lmmap.types import Camera, InputError, Port
+from lmmap.types import Camera, Estimate, InputError, Port, Status
 
 from ..provenance import DERIVED_DATA, commit
 from ..training import dataset
@@ -32,19 +36,48 @@ FILTER = "ring"  # a recipe names one; peers have none
 
 
 class Peer(NamedTuple):
-    """How a peer makes its network, a step's batch, and what answers like `lmmap.Estimator`."""
+    """What a peer is made of: its network by modality, a varied image with its target, the pose and
+    confidence that the network gives of an image, and the kind of tensor that compares targets."""
 
     network: Callable[[str], torch.nn.Module]
-    batch: Callable
-    estimator: Callable
+    sample: Callable
+    answer: Callable
+    target: type = torch.Tensor
 
 
+_POSE = Peer(regression.network, regression.sample, regression.answer, regression.PoseTarget)
 PEERS = {
-    "pnp": Peer(points.network, points.batch, points.PointEstimator),
-    "pose": Peer(regression.network, regression.batch, regression.PoseEstimator),
-    "pose-large": Peer(partial(regression.network, width=regression.LARGE), regression.batch,
-                       regression.PoseEstimator),
-}  # fmt: skip
+    "pnp": Peer(points.network, points.sample, points.answer),
+    "pose": _POSE,
+    "pose-large": _POSE._replace(network=partial(regression.network, width=regression.LARGE)),
+}
+
+
+class LearnedEstimator:
+    """Called like `lmmap.Estimator`: an image and its time give an `Estimate`, whose pose is reported if its
+    confidence is at least ``min_confidence``."""
+
+    def __init__(self, peer: str, net: torch.nn.Module, modality: str, camera: Camera | None = None,
+                 port: Port | None = None, min_confidence: float = 0.0):  # fmt: skip
+        self.peer, self.net, self.modality = peer, net.eval(), modality
+        self.camera, self.port = camera or Camera.davis346(), port or Port.lm_map()
+        self.min_confidence = min_confidence
+
+    @torch.inference_mode()
+    def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
+        check_image(image, self.modality, self.camera)
+        found = PEERS[self.peer].answer(self.net, image, self.modality, self.camera, self.port)
+        if found is None:
+            return Estimate(t_us, Status.NO_MARKERS)
+        return Estimate(t_us, Status.OK, found[0]).judged(found[1], self.min_confidence)
+
+
+def batch(peer: str, shown: samples.PosedSamples, recipe: Recipe, step: int, camera: Camera):
+    """Input and target of a step, which depend on the recipe's seed and the step alone."""
+    rng = np.random.default_rng([recipe.seed, step])
+    pairs = [PEERS[peer].sample(shown, recipe, camera, rng) for _ in range(recipe.batch)]
+    images, targets = (np.stack([pair[k] for pair in pairs]) for k in (0, 1))
+    return encode(images, recipe.modality), torch.from_numpy(targets).as_subclass(PEERS[peer].target)
 
 
 def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: list[str] | None = None,
@@ -65,14 +98,14 @@ def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: 
     every
         Steps between two checkpoints.
     """
-    makes, camera = PEERS[peer], camera or Camera.davis346()
+    camera = camera or Camera.davis346()
     names = names or dataset.SETS[recipe.networks]
     samples.make(names, samples_folder, report=report)
     for_training, held_out_names = dataset.split(names)
     shown = samples.PosedSamples(for_training, recipe.modality, samples_folder, images, recipe.seed)
     held_out = samples.PosedSamples(held_out_names, recipe.modality, samples_folder)
     device = "cuda" if torch.cuda.is_available() else "cpu"
-    net = seeded(recipe, makes.network, recipe.modality).to(device, memory_format=torch.channels_last)
+    net = seeded(recipe, PEERS[peer].network, recipe.modality).to(device, memory_format=torch.channels_last)
     path = weights_path(folder, peer, recipe.modality)
 
     @torch.inference_mode()
@@ -80,11 +113,11 @@ def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: 
         net.eval()
         losses = []
         for step in range(CHECKED_BATCHES):
-            x, y = makes.batch(held_out, recipe, step, camera)
+            x, y = batch(peer, held_out, recipe, step, camera)
             losses.append(F.binary_cross_entropy_with_logits(net(x.to(device)), y.to(device)).item())
         return {"loss": round(sum(losses) / len(losses), 6)}
 
-    progress = learn(net, recipe, lambda step: makes.batch(shown, recipe, step, camera),
+    progress = learn(net, recipe, lambda step: batch(peer, shown, recipe, step, camera),
                      path.with_suffix(".ckpt.safetensors"), every, check=check)  # fmt: skip
     for step, curve in progress:
         if curve and curve[-1]["step"] == step:
@@ -101,13 +134,16 @@ def weights_path(folder: Path, peer: str, modality: str) -> Path:
     return Path(folder) / f"{peer}-{modality}.safetensors"
 
 
-def load(path: Path, camera: Camera | None = None, port: Port | None = None, min_confidence: float = 0.0):
-    """The estimator of weights that `train` saved, called like `lmmap.Estimator`."""
-    card = load_card(path)
-    makes, modality = PEERS[card["peer"]], card["recipe"]["modality"]
-    net = makes.network(modality)
-    net.load_state_dict({name: values.float() for name, values in load_file(path).items()})
-    return makes.estimator(net, modality, camera or Camera.davis346(), port or Port.lm_map(), min_confidence)
+def load(path: Path, camera: Camera | None = None, port: Port | None = None,
+         min_confidence: float = 0.0) -> LearnedEstimator:  # fmt: skip
+    """The estimator of weights that `train` saved; `InputError` if they are not whole."""
+    card, content = load_card(path), path.read_bytes()
+    if card.get("sha256") != hashlib.sha256(content).hexdigest():
+        raise InputError(f"{path}: its hash differs from its card's; train it again")
+    peer, modality = card["peer"], card["recipe"]["modality"]
+    net = PEERS[peer].network(modality)
+    net.load_state_dict({name: values.float() for name, values in safetensors.torch.load(content).items()})
+    return LearnedEstimator(peer, net, modality, camera, port, min_confidence)
 
 
 def main(arguments: list[str] | None = None) -> None:
