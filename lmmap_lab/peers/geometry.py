@@ -106,14 +106,15 @@ def find_ring(image: np.ndarray, port: Port, detectors=DETECTORS) -> np.ndarray 
         found += [by_contours(image) / [1, 1, r, r, 1] for r in radii]  # it may be either edge
     if "templates" in detectors:
         found.append(by_templates(strength, radii))
-    middle, scores = np.concatenate(found), 0.0
+    if not len(middle := np.concatenate(found)):
+        return None
     for blur_px in BLURS_PX:
         blurred = cv2.GaussianBlur(strength, (0, 0), blur_px) if blur_px else strength
         scores = ring_scores(blurred, middle, radii)
         middle = middle[np.argsort(-scores, kind="stable")[:KEPT]]
         middle = np.array([_climb(blurred, one, max(blur_px, 0.5), radii) for one in middle])
     scores = ring_scores(strength, middle, radii)
-    return middle[scores.argmax()] if scores.max(initial=0) > LEAST_SCORE else None
+    return middle[scores.argmax()] if scores.max() > LEAST_SCORE else None
 
 
 def by_contours(image: np.ndarray) -> np.ndarray:
@@ -152,8 +153,8 @@ def by_templates(strength: np.ndarray, radii: np.ndarray) -> np.ndarray:
 
 
 def ring_scores(strength: np.ndarray, middle: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """How much stronger an image's `outline.edges` (H, W) are on both edges of rings (N, 5) than between them,
-    (N,): the geometric mean of both.  ``radii`` (2,) are in those of the middle line."""
+    """How much stronger an image's `outline.edges` (H, W) are on both edges of rings (N, 5), by geometric
+    mean, than between them, (N,).  ``radii`` (2,) are in those of the middle line."""
     inner, outer, between = (_along(strength, middle * [1, 1, s, s, 1]) for s in (*radii, 1.0))
     return np.sqrt(np.maximum(inner, 0) * np.maximum(outer, 0)) - between
 

@@ -30,16 +30,17 @@ def drawn(T_cam_port: Pose) -> np.ndarray:
 
 @pytest.mark.parametrize("detectors", [("contours",), ("templates",), geometry.DETECTORS])
 def test_geometry_finds_a_drawn_ring(detectors):
-    for pose in POSES:
+    for pose in POSES[:2]:
         true = circle_ellipse(pose, PORT.ring_radius_m, CAMERA)
         u, v, *axes, _ = geometry.find_ring(drawn(pose), PORT, detectors)
         assert np.allclose((u, v), true.centre_px, atol=1.0)
         assert np.allclose(sorted(axes, reverse=True), true.semi_axes_px, atol=1.5)
+    assert geometry.find_ring(np.zeros((260, 346, 3), np.uint8), PORT, detectors) is None
 
 
 def test_geometry_gives_the_pose_of_a_drawn_port_and_none_of_an_empty_image():
     answer = geometry.estimator("rgb")
-    for pose in POSES:
+    for pose in POSES[1:3]:
         found = answer(drawn(pose)).found
         assert position_error_m(found, pose) < 0.01
         assert normal_error_rad(found, pose) < np.deg2rad(4)
@@ -124,19 +125,19 @@ def test_a_peer_learns_goes_on_where_it_was_and_answers(drawn_samples, tmp_path,
     folder, names = drawn_samples
     small = train.PEERS[peer]._replace(network=_small(peer))
     monkeypatch.setitem(train.PEERS, peer, small)
-    recipe = Recipe("ring", "rgb", steps=16, batch=4, rate=3e-3, warm_up=2)
+    recipe = Recipe("ring", "rgb", steps=10, batch=2, rate=3e-3, warm_up=2)
 
     def run(where):
-        return train.train(peer, recipe, tmp_path / where, folder, names, every=8, report=lambda line: None)
+        return train.train(peer, recipe, tmp_path / where, folder, names, every=5, report=lambda line: None)
 
     whole = run("whole")
     curve = train.load_card(whole)["curve"]
-    assert curve[-1]["training_loss"] < curve[0]["training_loss"]
+    assert curve[-1]["loss"] < curve[0]["loss"]
 
     original = train.batch
 
     def killed(*args):
-        if args[3] == 12:
+        if args[3] == 7:
             raise KeyboardInterrupt
         return original(*args)
 
