@@ -119,9 +119,10 @@ def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: 
 
     progress = learn(net, recipe, lambda step: batch(peer, shown, recipe, step, camera),
                      path.with_suffix(".ckpt.safetensors"), every, check=check)  # fmt: skip
-    for step, curve in progress:
-        if curve and curve[-1]["step"] == step:
-            report("{}: step {step} of {}, loss {loss:.4f}".format(path.stem, recipe.steps, **curve[-1]))
+    with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
+        for step, curve in progress:
+            if curve and curve[-1]["step"] == step:
+                report("{}: step {step} of {}, loss {loss:.4f}".format(path.stem, recipe.steps, **curve[-1]))
     card = {"peer": peer, "recipe": asdict(recipe), "commit": commit(), "bench": shown.made_of(),
             "training_sequences": for_training, "training_images": len(shown), "device": device,
             "torch": torch.__version__, "curve": curve}  # fmt: skip

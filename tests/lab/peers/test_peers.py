@@ -42,9 +42,9 @@ def test_geometry_gives_the_pose_of_a_drawn_port_and_none_of_an_empty_image():
     answer = geometry.estimator("rgb")
     for pose in POSES[1:3]:
         found = answer(drawn(pose)).found
-        assert position_error_m(found, pose) < 0.01
-        assert normal_error_rad(found, pose) < np.deg2rad(4)
-        assert rotation_error_rad(found, pose, PORT.yaw_period_rad) < np.deg2rad(4)
+        assert position_error_m(found, pose) < 0.002
+        assert normal_error_rad(found, pose) < np.deg2rad(2)
+        assert rotation_error_rad(found, pose, PORT.yaw_period_rad) < np.deg2rad(2)
     assert answer(np.zeros((260, 346, 3), np.uint8)).status == Status.NO_RING
     assert geometry.estimator("event")(np.zeros((260, 346), np.uint16)).status == Status.NO_RING
 
