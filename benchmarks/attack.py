@@ -36,6 +36,7 @@ import attack_calls
 import attack_kinds
 import attack_rig
 import numpy as np
+import onnx  # noqa: F401  a child that may read nothing here could not load it
 import pandas as pd
 from attack_checks import snapshot
 from attack_directed import directed_files

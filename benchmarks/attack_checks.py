@@ -88,7 +88,14 @@ def names_of(call: Call, action, *values: str) -> list[str]:
     told = (" ".join(v.split()).encode(errors="backslashreplace").decode() for v in values)
     said = (word for v in told for word in (v, ascii(v)[1:-1], Path(v).name))
     others = (name for a, _ in call.given for name in a.option_strings)
-    return [*action.option_strings, label(action), action.dest, *said, *others]
+    return [
+        *action.option_strings,
+        label(action),
+        action.dest,
+        str(action.metavar or action.dest),
+        *said,
+        *others,
+    ]
 
 
 def own_name(call: Call) -> str:

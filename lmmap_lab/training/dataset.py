@@ -14,7 +14,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from lmmap.files import atomic, regular_file
+from lmmap.files import atomic, read_text, regular_file
 from lmmap.pipeline.weights import FILTERS
 from lmmap.recordings.stream import input_errors
 from lmmap.settings import PAPER
@@ -190,4 +190,4 @@ class Samples:
 
     def made_of(self) -> str:
         """Fingerprints of what made the samples: the bench, the varied laboratories, or ``recordings``."""
-        return " ".join(sorted({(self.folder / n / "made_of").read_text()[:12] for n in self.names}))
+        return " ".join(sorted({read_text(self.folder / n / "made_of", 2**12)[:12] for n in self.names}))

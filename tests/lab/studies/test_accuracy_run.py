@@ -300,3 +300,10 @@ def test_the_paper_profile_has_the_same_tests_and_more_without_a_port():
     names = accuracy_run.sequences_of("paper")
     assert len(names) == len(set(names)) == 3 + 2 + 3
     assert set(accuracy_run.sequences_of("quick")) < set(names)
+
+
+def test_rows_are_alike_up_to_their_last_digit():
+    row = ("97408000", "ok", "True", "0.00504362", "")
+    for other, equal in (("0.00504361", True), ("0.00504382", False), ("0.0050", False), ("", False)):
+        assert carry.alike(row, (*row[:3], other, "")) is equal
+    assert not carry.alike(row, ("97408001", *row[1:])) and not carry.alike(row, (row[0], "unsure", *row[2:]))
