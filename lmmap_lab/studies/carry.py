@@ -170,7 +170,7 @@ def compare(made: Path, kept: Path, until_us: int) -> tuple[int, list[str]]:
 
 
 def alike(row: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    """Whether two rows of a table are equal but for the last of six digits, which may be rounded either way."""
+    """Whether two rows are equal but for the last of six digits, which may be rounded either way."""
     return all(a == b or _is_rounded(a, b) for a, b in zip(row, other, strict=True))
 
 
