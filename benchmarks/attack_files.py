@@ -178,7 +178,8 @@ def run_killed(attack: Attack, folder: Path, rng) -> Outcome:
     wrong = {n for n in {*after, *left} if after.get(n) != left.get(n)}
     if call.name == "live":  # whose poses are others each time
         wrong = {n for n in wrong if n not in before and Path(n).name.startswith(".")}
-    fault = a.fault or (a.code and f"does not go on: {a.err}")
+    ended = not wrong and ": exists" in a.err  # it was killed when all was written
+    fault = a.fault or (a.code and not ended and f"does not go on: {a.err}")
     fault = fault or (wrong and f"differs in {', '.join(sorted(wrong)[:4])}")
     return a, f"{', '.join(steps)}: {fault}" if fault else ""
 

@@ -85,7 +85,7 @@ def odd(camera: Camera) -> str | None:
 def split_name(path) -> tuple[Path, str]:
     """The file and the camera of ``FILE:NAME``; the name is empty for ``FILE`` alone."""
     file, _, name = str(path).rpartition(":")
-    if not file or os.path.exists(path):
+    if not os.path.exists(file) or os.path.exists(path):
         return Path(path), ""
     if not name:
         raise InputError(f"{path}: expected FILE:NAME, got no name; add a camera's, or leave the colon out")

@@ -74,6 +74,14 @@ def temporary(path) -> Iterator[Path]:
             remove()
 
 
+def is_there(path) -> bool:
+    """Whether a finished file or folder is there; what a killed run left beside it is removed."""
+    if not os.path.lexists(path):
+        return False
+    with temporary(path):
+        return True
+
+
 @contextmanager
 def lock(path, kind: str = "lock") -> Iterator[None]:
     """Keep other processes from writing to ``path``; the system frees it when the process ends, however.

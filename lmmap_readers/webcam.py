@@ -27,7 +27,7 @@ class Webcam:
 
     def __init__(self, name: str, flips: Mapping[str, str] | None = None):
         self._name, self._flip = name, (flips or {}).get("rgb")
-        self._capture = cv2.VideoCapture(int(name) if name.isdigit() else name)
+        self._capture = cv2.VideoCapture(int(name) if name.isdigit() and int(name) < 2**31 else name)
         if not self._capture.isOpened():
             raise InputError(f"{name}: {_why_not(name)}")
         self._times_us, self._newest, self._over = [], None, False

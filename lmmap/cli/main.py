@@ -37,6 +37,8 @@ def main(argv: list[str] | None = None) -> int:
         print("; ".join(["lmmap: interrupted", *map(str, interrupt.args)]), file=sys.stderr)
         return 130
     except OSError as error:
+        if error.errno is None:  # of a library, in words
+            return _fail(" ".join(str(error).splitlines())[:MAX_LETTERS])
         if error.filename is not None:
             return _fail(f"{error.filename}: {error.strerror}; check its path and its permissions")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to print is lost

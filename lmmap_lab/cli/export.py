@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 
+from lmmap.disk import is_there
 from lmmap.files import atomic, check_folder_of
 from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX
 from lmmap.pipeline.weights import BEFORE, FILTERS, before, load_filter, network_paths, own_limit
@@ -52,7 +53,7 @@ def export(a: Namespace) -> None:
     """Write a set's networks and `DOCUMENT` into a new folder, all or nothing."""
     onnx_package()
     check_folder_of(a.output)
-    if a.output.exists():
+    if is_there(a.output):
         raise InputError(f"{a.output}: exists; give the name of a folder to make")
     models = _models(a.weights)
     with atomic(a.output) as folder:

@@ -6,7 +6,6 @@ Of it only the camera is written, into a hand-eye file; the rest is for a calibr
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from lmmap.disk import temporary
+from lmmap.disk import is_there
 from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
@@ -96,20 +95,12 @@ def write_hand_eye(path, rig: Rig = RIG) -> None:
     values = [float(v) for v in (*T.position_m, *T.quaternion_xyzw)]
     document = {"parameters": about, "transformation": dict(zip(names, values, strict=True))}
     text = yaml.safe_dump(document)
-    if _is_there(path):
+    if is_there(path):
         if read_text(path, 2**16) != text:
             raise InputError(f"{path}: is not ours to replace; move it away, or give another folder")
         return
     with atomic(path) as part:
         part.write_text(text)
-
-
-def _is_there(path) -> bool:
-    """Whether a file is there; what a killed run left beside it is removed."""
-    if os.path.lexists(path):
-        with temporary(path):
-            return True
-    return False
 
 
 def write_set(folder, seconds: float, report=print) -> None:
@@ -124,10 +115,10 @@ def write_set(folder, seconds: float, report=print) -> None:
             (folder / name).parent.mkdir(exist_ok=True)
     write_hand_eye(folder / authors_bags.HAND_EYE)
     board = folder / BOARD
-    if not _is_there(board):
+    if not is_there(board):
         write_bag(simulate_checkerboard(Camera.davis346()), board)
     for name, stands_in in STAND_INS:
-        if not _is_there(folder / name):
+        if not is_there(folder / name):
             parts = (folder / name).with_suffix(".parts")
             write_bag(sequences.simulate(stands_in, seconds, parts=parts), folder / name)
             remove_folder(parts)

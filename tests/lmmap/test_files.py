@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from strategies import facing_pose
 
+from lmmap import disk
 from lmmap.camera_files import write_fields
 from lmmap.drawing.video import Video
 from lmmap.files import atomic, check_output, lock, temporary, write_text
@@ -154,3 +155,10 @@ def test_what_differs_is_named(tmp_path):
         InputError, match="another b and c; give the same recording and settings, or another name"
     ):
         check_same("x", {"a": 1, "b": 2}, {"a": 1, "b": 3, "c": 0})
+
+
+def test_what_a_killed_run_left_beside_a_finished_file_is_removed(tmp_path):
+    (tmp_path / ".poses.csv.writing").touch()
+    assert not disk.is_there(tmp_path / "poses.csv")
+    (tmp_path / "poses.csv").write_text("whole")
+    assert disk.is_there(tmp_path / "poses.csv") and [p.name for p in tmp_path.iterdir()] == ["poses.csv"]

@@ -145,3 +145,8 @@ def test_live_ends_with_its_summary_however_it_ends(device, monkeypatch, lmmap, 
 def test_no_event_camera_is_said():
     with pytest.raises(InputError, match="no camera found; attach one"):
         attached.Attached()
+
+
+def test_a_number_that_no_camera_has_is_one_line():
+    with pytest.raises(InputError, match=r"^99999999999: "):
+        webcam.Webcam("99999999999")
