@@ -157,7 +157,7 @@ def stub() -> None:
     from lmmap_lab.adaptation import adapt, guard, learning, self_labels
     from lmmap_lab.bench import photometry, sequences
     from lmmap_lab.cli import authors, bench
-    from lmmap_lab.pages import reference
+    from lmmap_lab.pages import gallery, reference
     from lmmap_lab.rig import standin
     from lmmap_lab.studies import accuracy_run, carry, on_authors_bags
     from lmmap_lab.training import dataset, train
@@ -169,7 +169,10 @@ def stub() -> None:
     photometry.calibrate_lamps = lambda _: {"gain": 1.0}
     accuracy_run.sequences_of = lambda _: ["hard-slow", "empty-0"]
     accuracy_run._tabulate = lambda profile, study: write_text(study.derived / profile / "summary.csv", "a")
-    accuracy_run.reproduce = partial(accuracy_run.reproduce, study=made_up(here))
+    accuracy_run.reproduce = partial(
+        accuracy_run.reproduce, study=made_up(here, committed=here / "committed")
+    )
+    gallery.save_sheets = lambda *_: None  # of sequences that are not among these
     carry.carry = lambda report, beside=None: report(f"as beside {beside}")
     os.cpu_count = lambda: 1  # processes of joblib's would outlive ours
     standin.STAND_INS = standin.STAND_INS[:1]

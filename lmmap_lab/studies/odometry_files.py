@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from lmmap.disk import is_special
 from lmmap.files import atomic, temporary, writes
 from lmmap.pipeline.histograms import histogram, middle_us, windows_before
 from lmmap.recordings.formats import open_recording
@@ -62,8 +63,10 @@ def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, in
         folder.parent.mkdir(parents=True, exist_ok=True)
     with writes(folder), temporary(folder) as new:
         counts = _write_files(recording, new, bag)
-        for path in [path for path in sorted(new.rglob("*")) if path.is_file()]:
-            target = folder / path.relative_to(new)
+        targets = {path: folder / path.relative_to(new) for path in sorted(new.rglob("*")) if path.is_file()}
+        for target in filter(is_special, targets.values()):  # before any is replaced
+            raise InputError(f"{target}: is a device or a pipe, not a file; give another folder")
+        for path, target in targets.items():
             target.parent.mkdir(parents=True, exist_ok=True)
             with atomic(target) as part:
                 os.replace(path, part)

@@ -1,6 +1,7 @@
 """Exchange with other odometries: what is exported reads back, and bad trajectories get one clear line."""
 
 import json
+import os
 import resource
 import shutil
 
@@ -210,3 +211,16 @@ def test_files_that_are_absent_or_of_another_kind(reference, tmp_path, capsys):
     ):
         code, _, err = score(capsys, trajectory, "--reference", ref)
         assert code == 1 and err.count("\n") == 1 and reason in err
+
+
+def test_a_pipe_among_what_is_exported_leaves_all_files(tmp_path, exported, capsys):
+    folder = shutil.copytree(exported, tmp_path / "a")
+    (folder / "rgb.txt").unlink()
+    os.mkfifo(folder / "rgb.txt")
+    (pipe := folder / "rgb.txt").rename(tmp_path / "pipe")
+    before = snapshot(folder)
+    (tmp_path / "pipe").rename(pipe)
+    assert main.main(["odometry", "export", str(MINI), str(folder), "--overwrite"]) == 1
+    assert "rgb.txt: is a device or a pipe" in capsys.readouterr().err
+    pipe.unlink()
+    assert snapshot(folder) == before
