@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib
 from argparse import Namespace
-from collections.abc import Callable
 from functools import cache
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
 from .errors import InputError
 
@@ -33,7 +34,7 @@ def version() -> str | None:
 
 
 @cache
-def reader(name: str) -> Callable | None:
+def reader(name: str) -> Any:
     """What readers of other programs' formats do under a name, imported now; None where none has it."""
     if name not in (points := entry_points(READERS)):
         return None
@@ -44,7 +45,7 @@ def reader(name: str) -> Callable | None:
         raise NotInstalled(f"{name}: needs {error.name}, which is not installed; pip install lmmap") from None
 
 
-def needed(name: str, what: str) -> Callable:
+def needed(name: str, what: str | Path) -> Any:
     """As `reader`, but `NotInstalled`, which says ``what`` needs it, where none has it."""
     if (found := reader(name)) is None:
         raise NotInstalled(f"{what}: needs lmmap_readers, which is not installed; pip install lmmap")

@@ -24,7 +24,7 @@ class _Once(argparse._StoreAction):
     """Store an option's value, and its name in ``given``; refuse a second value, which would replace it."""
 
     def __call__(self, parser, namespace, values, option_string=None):
-        given = getattr(namespace, "given", frozenset())
+        given: frozenset[str] = getattr(namespace, "given", frozenset())
         if option_string and self.dest in given:
             raise argparse.ArgumentError(self, "is given twice; give it once")
         if option_string:
@@ -53,6 +53,8 @@ class _Renamed(_Once):
 class Parser(argparse.ArgumentParser):
     """A parser that takes each option once and no empty value; a mistake is one line."""
 
+    heading = ""  # under which help lists it
+
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         for name in (None, "store"):
@@ -77,7 +79,7 @@ class _Listing(argparse.RawDescriptionHelpFormatter):
     def _format_action(self, action) -> str:
         if not isinstance(action, argparse._SubParsersAction):
             return super()._format_action(action)
-        parts = []
+        parts: list[str] = []
         for heading, commands in groupby(action._get_subactions(), lambda c: action.choices[c.dest].heading):
             parts += [f"\n{heading}:\n"] if parts else []  # the first is the section's own
             parts += map(super()._format_action, commands)
@@ -122,8 +124,8 @@ class Commands:
             try:
                 plugins.call(name, add, self)
             except plugins.NotInstalled as reason:
-                text, anything = f"needs {plugins.INSTALL}", {"prefix_chars": "\0", "add_help": False}
-                command = self.add(name, "lmmap.plugins:refuse", text, **anything)
+                text, run = f"needs {plugins.INSTALL}", "lmmap.plugins:refuse"
+                command = self.add(name, run, text, prefix_chars="\0", add_help=False)
                 command.add_argument("anything", nargs="*")  # options, too, since none has their prefix
                 command.set_defaults(reason=reason)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
@@ -108,10 +108,10 @@ def _check(a: Namespace):
     return bag
 
 
-def _views(a: Namespace) -> dict[type, Path]:
+def _views(a: Namespace) -> dict[Callable, Path]:
     """The drawings that are asked for, by what makes them."""
-    rerun = plugins.needed("rerun", "--rerun") if a.rerun else None
-    return {view: path for view, path in ((Overlay, a.video), (rerun, a.rerun)) if path}
+    views: dict[Callable, Path] = {Overlay: a.video} if a.video else {}
+    return views | ({plugins.needed("rerun", "--rerun"): a.rerun} if a.rerun else {})
 
 
 def _parts(a: Namespace) -> dict[str, Path]:
@@ -120,7 +120,7 @@ def _parts(a: Namespace) -> dict[str, Path]:
     return {m: a.output.with_suffix(f".{m}.csv") for m in MODALITIES} if fused else {}
 
 
-def _answers(a: Namespace, stream: Stream, estimators: dict, journal, parts: dict) -> Iterator[tuple]:
+def _answers(a: Namespace, stream: Stream, estimators: dict, journal, parts: dict) -> Generator[tuple]:
     """``(image, estimate)`` in the order of time, of what is not in the journal yet; no image where a pose is
     between images, or of both cameras."""
     if a.track:
@@ -132,7 +132,8 @@ def _answers(a: Namespace, stream: Stream, estimators: dict, journal, parts: dic
 
 def _journal(a: Namespace, path: Path, form: str, estimators: dict, networks: str | Path) -> Journal:
     """A table of some estimators' answers, which is known as this command's own by what they depend on."""
-    first, weights = next(iter(estimators.values())), {}
+    first = next(iter(estimators.values()))
+    weights: dict[str, str] = {}
     for modality in estimators:
         weights |= weight_hashes(networks, modality)
     modality = first.modality if len(estimators) == 1 else a.modality

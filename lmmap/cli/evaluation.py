@@ -37,8 +37,8 @@ def evaluate(a: Namespace) -> None:
     port = estimators[single[0]].port
     estimates = {m: _estimates(stream, e, a.rate) for m, e in estimators.items()}
     if both and all(estimates.values()):
-        both = merge_by_time(estimates)
-        estimates["fused"] = list(fuse(both, port.yaw_period_rad, a.rate, name=str(a.recording)))
+        merged = merge_by_time(estimates)
+        estimates["fused"] = list(fuse(merged, port.yaw_period_rad, a.rate, name=str(a.recording)))
     tables = _error_tables(a, stream, estimates, port)
     reports = {m: error_table.report(table, len(estimates[m]) - len(table)) for m, table in tables.items()}
     summaries = {m: cells.summary(table) for m, table in tables.items()}

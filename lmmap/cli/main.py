@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from contextlib import contextmanager, suppress
+from typing import Any
 
 from ..allocator import tune_allocator
 from ..errors import InputError
@@ -49,6 +50,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(argv: list[str] | None) -> int:
     arguments = parser().parse_args(argv)
+    stream: Any
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError):  # names of files that are not UTF-8 are printed escaped
             stream.reconfigure(errors="backslashreplace")
@@ -76,7 +78,8 @@ def _notes():
 
     On a terminal they come at once, else when the command has ended; an error stands alone, in one line.
     """
-    waiting, known = [], set()
+    waiting: list[str] = []
+    known: set[str] = set()
 
     def tell() -> None:
         while waiting:

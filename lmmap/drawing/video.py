@@ -36,13 +36,14 @@ class Video:
         if path.suffix.lower() not in CODECS:
             raise InputError(f"{path}: cannot write '{path.suffix}'; name the video .mp4 or .avi")
         check_folder_of(path)
-        self.path, self._part, self._writer, self._pictures = path, path, None, 0
+        self.path, self._part, self._pictures = path, path, 0
+        self._writer: cv2.VideoWriter | None = None
 
     def add(self, picture: np.ndarray, rate_hz: float) -> None:
         """Write the next frame (H, W, 3) u8 RGB; the first one sets size and rate."""
         if self._writer is None:
             self._part = self._held.enter_context(atomic(self.path, keep=True))
-            fourcc, size_px = cv2.VideoWriter_fourcc(*CODECS[self.path.suffix.lower()]), picture.shape[1::-1]
+            fourcc, size_px = cv2.VideoWriter.fourcc(*CODECS[self.path.suffix.lower()]), picture.shape[1::-1]
             self._writer = cv2.VideoWriter(str(self._part), cv2.CAP_FFMPEG, fourcc, rate_hz, size_px)
             if not self._writer.isOpened():
                 raise InputError(f"{self.path}: cannot write a video there; choose a folder with room")

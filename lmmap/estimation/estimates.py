@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
 from itertools import repeat
@@ -76,7 +76,7 @@ def estimate(
 
 def estimate_rest(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None, journal: Journal | None
-) -> Iterator[tuple[np.ndarray, Estimate]]:
+) -> Generator[tuple[np.ndarray, Estimate]]:
     """``(image, estimate)`` of a recording's images that are not in the journal yet; `in_place`."""
     timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     left = (shot for shot in timed if journal is None or not journal.has(*shot.times_us))
@@ -86,7 +86,7 @@ def estimate_rest(
 def fuse_rest(
     recording: AnyRecording, estimators: Mapping[str, ImageEstimator], rate_hz: float | None,
     journal: Journal, parts: Mapping[str, Journal], name: str,
-) -> Iterator[tuple[None, Estimate]]:  # fmt: skip
+) -> Generator[tuple[None, Estimate]]:  # fmt: skip
     """``(None, estimate)`` by both cameras that are not in the journal yet.
 
     Each camera's own estimates go to its journal in ``parts``; those that are there are not made again.
@@ -103,7 +103,7 @@ def fuse_rest(
     return ((None, e) for e in fused if not journal.has(e.t_us))
 
 
-def in_place(answers: Iterable[tuple], settings: Settings) -> Iterator[tuple]:
+def in_place(answers: Iterable[tuple], settings: Settings) -> Generator[tuple]:
     """``(image, estimate)`` as they come; a warning at the end if in most poses the markers are not where the
     port has them."""
     off_px = []

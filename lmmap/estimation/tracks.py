@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from .images import TimedImage, timed_images
 def track(
     recording: AnyRecording, estimators: Mapping[str, Estimator], rate_hz: float | None,
     between_hz: float | None, name: str,
-) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
+) -> Generator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
     """`track_images` of a recording by all estimators; `watched`, whose warning begins with ``name``, and
     `in_place`."""
     shots = [timed_images(recording, m, e.settings, rate_hz) for m, e in estimators.items()]

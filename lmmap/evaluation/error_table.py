@@ -12,14 +12,14 @@ from ..geometry.port import in_view
 from ..settings import OURS, Settings
 from ..tracking.outliers import outlier_filter
 from ..tracking.within_limits import is_certain, sigmas
-from ..types import Estimate, Port, Pose, Recording
+from ..types import AnyRecording, Estimate, Port, Pose
 from .pose_errors import normal_error_rad, pose_difference, position_error_m, rotation_error_rad, true_poses
 
 METRICS = ("position_error_m", "normal_error_deg", "rotation_error_deg")
 PREDICTIONS = ["position_sigma_m", "normal_sigma_deg", "nees"]
 
 
-def errors(recording: Recording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
+def errors(recording: AnyRecording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
     """Errors of the estimates within the time of the recording's truth, one row each.
 
     Returns

@@ -60,6 +60,7 @@ def joined(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
     confidence = best.confidence
     for other in with_pose:
         if other is not best:
+            assert best.found is not None and other.found is not None
             agree = alike(best.found, other.found, setup.port, settings)
             confidence = joined_confidence(confidence, other.confidence, agree, settings.look_independence)
     return best.judged(confidence, settings.min_confidence[setup.modality])

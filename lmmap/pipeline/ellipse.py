@@ -152,7 +152,7 @@ def _polish(theta, x, tolerance: float):
     return theta
 
 
-def _plausible(theta, settings: Settings):
+def _plausible(theta, settings: Settings | Assumptions):
     """Which conics are ellipses of sensible shape."""
     ellipse, real = ellipse_from_conic(conic_matrix(theta))
     with np.errstate(invalid="ignore"):

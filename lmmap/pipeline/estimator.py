@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,8 @@ class Estimator(ImageEstimator):
         super().__init__(camera, port, modality, first or weights, settings, precision)
         self.learned = None
         if first:
-            networks = tuple(load_networks(weights, modality, precision))
+            assert isinstance(weights, str | Path)  # of callables none were before
+            networks: Any = tuple(load_networks(weights, modality, precision))
             limited = within_own_limit(settings or settings_for(self.camera), weights, modality)
             self.learned = Estimator(self.camera, port, modality, networks, limited)
         self.further = further_looks(self, self.learned)

@@ -94,7 +94,7 @@ def window_histograms(
     check_events(events)
     check_count(count)
     check_number("factor", factor, 1, 1e6)
-    timed = []
+    timed: list[tuple] = []
     for number in dict.fromkeys((count, int(factor * count))):
         window = events[-number:]
         t_us = middle_us(window) if number <= len(events) else None

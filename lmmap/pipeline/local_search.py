@@ -8,6 +8,8 @@ inside and outside it.
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import cv2
 import numpy as np
 
@@ -72,7 +74,7 @@ def neighbour_samples(points_px, rng: np.random.Generator, count: int) -> np.nda
     random points are left out.
     """
     seed = rng.integers(0, len(points_px), count)
-    radius_px = np.exp(rng.uniform(*np.log(RADIUS_PX), count))
+    radius_px = np.exp(rng.uniform(*cast(tuple[float, float], np.log(RADIUS_PX)), count))
     drawn = rng.integers(0, len(points_px), (count, DRAWS))
     offset = points_px[drawn] - points_px[seed][:, None]
     near = np.sum(offset**2, -1) < radius_px[:, None] ** 2
@@ -91,7 +93,7 @@ def contrast(ellipse: Ellipse, mask, camera: Camera) -> np.ndarray:
     flat = grid.reshape(-1, CONTOUR_POINTS, 2).clip(-10, 30_000).astype(np.float32)
     if not len(flat):
         return np.zeros(grid.shape[:-3])
-    value = cv2.remap(np.asarray(mask, np.float32), flat, None, cv2.INTER_LINEAR, borderValue=0.0)
+    value = cv2.remap(np.asarray(mask, np.float32), flat, cast(Any, None), cv2.INTER_LINEAR, borderValue=0.0)
     means = value.reshape(grid.shape[:-1]).mean(-1)
     on, inside, outside = (part.mean(-1) for part in np.split(means, 3, -1))
     return on - (inside + outside) / 2

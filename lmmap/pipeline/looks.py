@@ -77,6 +77,7 @@ def second_opinion(estimator, learned, first: Estimate, second: Estimate) -> Est
     if first.T_cam_port is None:
         return _first_with_pose(first, second)
     settings, modality = estimator.settings, estimator.modality
+    assert first.found is not None
     agree = second.found is not None and alike(first.found, second.found, estimator.port, settings)
     if not agree and second.confidence < settings.min_confidence[modality]:
         return first

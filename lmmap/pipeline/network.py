@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from copy import deepcopy
 from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -55,21 +56,24 @@ class FilterNet(nn.Module):
     def __init__(self, channels: int, prior: float = 0.5, widths=WIDTHS, depthwise: bool = False):
         super().__init__()
         a, b, c = widths
+        side: dict[str, Any]
+        up: dict[str, Any]
         side, up = dict(padding=KERNEL // 2), dict(stride=2, padding=KERNEL // 2, output_padding=1)
-        down = [nn.Conv2d(i, o, KERNEL, **side) for i, o in pairwise((channels, a, b, c))]
-        back = [nn.ConvTranspose2d(i, o, KERNEL, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))]
+        down: list = [nn.Conv2d(i, o, KERNEL, **side) for i, o in pairwise((channels, a, b, c))]
+        back: list = [nn.ConvTranspose2d(i, o, KERNEL, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))]
         if depthwise:
             down[1:] = [nn.Sequential(nn.Conv2d(i, i, KERNEL, **side, groups=i), nn.Conv2d(i, o, 1))
                         for i, o in ((a, b), (b, c))]  # fmt: skip
             back[:2] = [nn.Sequential(nn.Conv2d(i, o, 1), nn.ConvTranspose2d(o, o, KERNEL, **up, groups=o))
                         for i, o in ((c, b), (2 * b, a))]  # fmt: skip
         self.down, self.up = nn.ModuleList(down), nn.ModuleList(back)
+        layer: Any
         for layer in self.modules():
             if hasattr(layer, "weight"):
                 nn.init.kaiming_normal_(layer.weight)
                 nn.init.zeros_(layer.bias)
         # rare pixels: start at the prior, or cross-entropy spends its first epochs learning it
-        nn.init.constant_(self.up[-1].bias, float(np.log(prior / (1 - prior))))
+        nn.init.constant_(cast(torch.Tensor, self.up[-1].bias), float(np.log(prior / (1 - prior))))
 
     @classmethod
     def shaped_as(cls, tensors, channels: int) -> FilterNet:
@@ -99,7 +103,7 @@ def up_to_one_channel(parts, weight, bias):
     Along one axis ``y[2i] = w[1] x[i]`` and ``y[2i + 1] = w[2] x[i] + w[0] x[i + 1]``.
     """
     kernels = weight[:, 0].flatten(1).T.split([x.shape[1] for x in parts], 1)
-    taps = sum(F.conv2d(x, k[..., None, None]) for x, k in zip(parts, kernels, strict=True))
+    taps: Any = sum(F.conv2d(x, k[..., None, None]) for x, k in zip(parts, kernels, strict=True))
     exact = torch.promote_types(taps.dtype, torch.float32)
     taps = taps.to(exact).unflatten(1, (3, 3))
     for axis in (-2, -1):
@@ -119,7 +123,7 @@ def faster_precision() -> str:
 
     That is with AMX, and with AMD's AVX-512 BF16.  Intel's without AMX took 1.2 times as long as float32.
     """
-    has = getattr(torch.cpu, "get_capabilities", dict)()
+    has: dict = getattr(torch.cpu, "get_capabilities", dict)()
     intel = "intel" in str(has.get("cpu_name", "")).lower()
     fast = has.get("amx_bf16") or (has.get("avx512_bf16") and not intel)
     return "bfloat16" if fast else "float32"
@@ -150,7 +154,8 @@ class MaskNetwork:
         if self.precision not in PRECISIONS:
             raise ValueError(f"MaskNetwork: precision is 'auto' or of {list(PRECISIONS)}, got {precision!r}")
         self._dtype = PRECISIONS[self.precision]
-        self._net = deepcopy(net).eval().to(dtype=self._dtype, memory_format=torch.channels_last)
+        # torch's stub of `to` leaves out the memory format
+        self._net = cast(Any, deepcopy(net).eval()).to(dtype=self._dtype, memory_format=torch.channels_last)
 
     @torch.inference_mode()
     def __call__(self, image: np.ndarray) -> np.ndarray:

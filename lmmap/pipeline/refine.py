@@ -3,6 +3,7 @@ known."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ class Refined:
 
 def refine(fit: YawFit, ring: Contour, seen: Seen, setup: Setup) -> Refined:
     """A pose refined on masks and image, as far as the settings allow it and its yaw is known."""
+    assert seen.reflectors is not None  # once circles are known
     port, camera, modality, settings = setup.port, setup.camera, setup.modality, setup.settings
     T, off, by_masks, tilt_sigmas = on_masks(fit, ring, seen.reflectors, setup)
     (higher, further), covariance = off, by_masks
@@ -80,6 +82,7 @@ def sigma_px(ring: Contour, setup: Setup, scatter_px=None):
 def ring_edges(ring: Contour, setup: Setup) -> list[joint.RingEdge]:
     """The ring's edges as circles of their own radii; its middle line where they are not known apart."""
     port = setup.port
+    circles: Iterable[tuple[Edge, float, int]]
     circles = [(Edge(ring.points_px, np.full(len(ring.points_px), ring.sigma_px)), port.ring_radius_m, 0)]
     if ring.edges:
         circles = zip(ring.edges, (port.ring_inner_radius_m, port.ring_outer_radius_m), (-1, 1), strict=True)

@@ -70,6 +70,7 @@ def follow(expected: Ellipse, mask: np.ndarray, setup: Setup) -> Contour | None:
 def _is_ports(ring: Contour, setup: Setup) -> bool:
     """Whether a traced ring is the view of a circle with a stroke hardly wider than the port's."""
     widest = setup.settings.widest_stroke * stroke(setup.port)
+    assert ring.width is not None  # it was traced
     return ring.width <= widest and is_view(ring.ellipse, setup.camera)
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import warnings
 from pathlib import Path
+from typing import cast
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -110,7 +111,7 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
         warnings.warn(f"the networks {weights!r} are now called {FORMER[weights]!r}", stacklevel=2)
         weights = FORMER[weights]
     shipped = weights in SETS
-    paths = [weight_path(name, modality, weights if shipped else "low") for name in FILTERS]
+    paths = [weight_path(name, modality, cast(str, weights) if shipped else "low") for name in FILTERS]
     if shipped:
         return paths
     if os.path.isdir(weights) and any(Path(weights).glob("*.onnx")):

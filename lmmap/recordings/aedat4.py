@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import lz4.frame
@@ -51,16 +51,16 @@ def read(path: Path, stream: int | str | None = None) -> Source:
     sizes = {streams[k].size_px for k in used.values()}
     if len(sizes) != 1:
         raise ValueError(f"expected events or frames of one size, found {sorted(sizes)}")
-    number = {kind: used.get(kind) for kind in ("EVTS", "FRME")}
+    number: dict[str, Any] = {kind: used.get(kind) for kind in ("EVTS", "FRME")}
     span_us, places = None, list(_packets(path, end, streams, number["EVTS"]))
     if places:
         ends = [_events_of(content) for content in _contents(path, compression, (places[0], places[-1]))]
         span_us = (int(ends[0]["t_us"][0]), int(ends[1]["t_us"][-1])) if all(map(len, ends)) else None
-    events, frames = (partial(function, path, number[kind]) if kind in used else nothing
-                      for kind, function in (("EVTS", _events), ("FRME", _frames)))  # fmt: skip
+    events = partial(_events, path, used["EVTS"]) if "EVTS" in used else nothing
+    frames = partial(_frames, path, used["FRME"]) if "FRME" in used else nothing
     details = partial(_details, path, sorted({s.kind for s in streams.values()}), number["FRME"])
     cameras = tuple({streams[k].camera for k in used.values()} - {""})
-    return Source(path, *sizes, events, frames, span_us, details, topics=cameras)
+    return Source(path, sizes.pop(), events, frames, span_us, details, topics=cameras)
 
 
 class _Stream(NamedTuple):
@@ -78,7 +78,7 @@ def _chosen(path: Path, streams: dict[int, _Stream], wanted: int | str | None) -
     seen = {k: s for k, s in streams.items() if s.kind in ("EVTS", "FRME")}
     if wanted is not None and wanted not in seen:
         raise ValueError(f"no events or frames in stream {wanted!s:.30}, but in {', '.join(map(str, seen))}")
-    first = next(iter(seen), None) if wanted is None else wanted
+    first = next(iter(seen), -1) if wanted is None else wanted
     used = {seen[k].kind: k for k in reversed(seen) if seen[k].camera == seen[first].camera}
     used |= {seen[first].kind: first} if seen else {}
     others = [f"{k} ({s.camera})" for k, s in seen.items() if k not in used.values()]
@@ -117,7 +117,7 @@ def _header(path: Path) -> tuple[int, int, dict[int, _Stream]]:
             inner = {a.get("key"): a.text or "" for a in stream.iter("attr")}
             size_px = int(inner.get("sizeX", 0)), int(inner.get("sizeY", 0))
             camera = inner.get("source", "")
-            streams[int(stream.get("name"))] = _Stream(values["typeIdentifier"], size_px, camera)
+            streams[int(stream.get("name", ""))] = _Stream(values["typeIdentifier"], size_px, camera)
     return compression, end, streams
 
 

@@ -88,17 +88,18 @@ def read(path: Path, dialect: Dialect) -> Source | None:
         if not (events or images or unread):
             raise ValueError("no message in its topics")
         span_us = int(bag.start_time) // 1000, int(bag.end_time) // 1000  # a description may state any number
-        details = partial(dict, topics=_topics(bag))
+        details: Callable[[], dict] = partial(dict, topics=_topics(bag))
     if not (events or images):
         raise InputError(f"{path}: cannot read {'; '.join(unread)}; convert them to another encoding")
     for text in unread:
         warnings.warn(f"{path}: left out {text}", stacklevel=4)
     event_chunks = partial(_events, path, dialect, events) if events else nothing
     frames = partial(_frames, path, dialect, images) if images else nothing
-    names = tuple(topic.name for topic in (events, images) if topic)
+    topics = [topic for topic in (events, images) if topic]
+    names = tuple(topic.name for topic in topics)
     describe = plugins.reader("camera_infos")
     cameras = describe(path, dialect, names) if describe else dict
-    return Source(path, (events or images).size_px, event_chunks, frames, span_us, details, cameras, names)
+    return Source(path, topics[0].size_px, event_chunks, frames, span_us, details, cameras, names)
 
 
 def _events(path: Path, dialect: Dialect, topic: Topic) -> Iterator[np.ndarray]:

@@ -7,6 +7,7 @@ import os
 from bz2 import BZ2Decompressor
 from functools import partial
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag1 import Reader, ReaderError
@@ -19,6 +20,9 @@ DECOMPRESSORS = {"none": None, "bz2": BZ2Decompressor, "lz4": LZ4FrameDecompress
 
 class BoundedReader(Reader):
     """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
+
+    bio: BinaryIO  # while it is open
+    path: Any  # the library's type, or our `BoundedPath`
 
     def open(self) -> None:
         self._size = os.path.getsize(self.path)
@@ -52,8 +56,8 @@ class BoundedPath:
 
 
 class _BoundedFile(io.BufferedReader):
-    def read(self, size: int = -1) -> bytes:
-        if size > MAX_CHUNK_BYTES:
+    def read(self, size: int | None = -1) -> bytes:
+        if (size or 0) > MAX_CHUNK_BYTES:
             raise ReaderError(f"A record of {size} bytes.")
         return super().read(size)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,10 @@ class Played:
 
     def __init__(self, stream: Stream, clock: Callable[[], float] = time.monotonic):
         self.size_px = stream.camera.size_px
-        self._clock, self._start_s, self._first_us = clock, None, None
+        self._clock, self._first_us = clock, 0
+        self._start_s: Any = None  # until the first data
         self._sources = {"event": stream.chunks(), "rgb": stream.timed_frames()}
-        self._held = None  # what is not due yet
+        self._held: Any = None  # what is not due yet
         self._over = self._warned = False
 
     def now_us(self) -> int:
@@ -35,7 +37,8 @@ class Played:
         return not self._over
 
     def pending(self, modality: str) -> list:
-        due, source = [], self._sources[modality]
+        due: list = []
+        source: Any = self._sources[modality]
         while True:
             if self._held is None:
                 self._held = next(source, None)

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 from .. import plugins
 from ..files import CAMERA, beside, regular_file
@@ -74,7 +76,7 @@ def open_stream(
     if {"fps", "time_unit"} <= options.keys():
         raise InputError(f"{path}: --fps makes the times, so they have no --time-unit; leave one out")
     read = READERS.get(kind)
-    source = read and read(path, **options)
+    source = read(path, **options) if read else None
     if source is None:  # of another layout than ours
         source = plugins.needed(kind, path)(path, **options)
     if source.span_us:
@@ -89,7 +91,7 @@ def open_stream(
         p for p in (path.with_suffix(".truth.csv"), path.with_suffix(".truth.tum")) if os.path.exists(p)
     ]
     truth = read_truth(truths[0]) if truths else None
-    return Stream(path.stem, camera, source, truth, checked)
+    return Stream(path.stem, cast(Camera, camera), source, truth, checked)
 
 
 def suffixes() -> list[str]:
@@ -164,7 +166,7 @@ FORMATS = (  # what it is, how its name ends, its reader
     ("one picture", images.IMAGE_SUFFIXES, images.read_picture),
     ("video", (".mp4", ".avi", ".mkv", ".mov"), images.read_video),
 )
-READERS = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}
+READERS: dict[str, Callable] = {suffix: reader for _, suffixes, reader in FORMATS for suffix in suffixes}
 OPTIONS = {  # of `open_stream`: the suffixes that each is for, and what these are
     "fps": (("folder",), "a folder of pictures"),
     "stream": ((".aedat4", ".aedat", ".h5", ".hdf5"), "AEDAT4 or HDF5 of several cameras"),

@@ -35,10 +35,9 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
         if t.dtype.kind not in "iu":
             return None
         start_us = offset_of_us(file)
-        ends_us = (t[0], t[-1]) if len(t) else ()
         events = partial(opened, path, partial(dsec, group="events"))
         images = partial(frames, path, "", "frames", "frames_t_us")
-        span_us = tuple(start_us + int(end_us) for end_us in ends_us) or None
+        span_us = (start_us + int(t[0]), start_us + int(t[-1])) if len(t) else None
         return Source(path, stated_size_px(file), events, images, span_us)
 
 
@@ -97,9 +96,9 @@ def frames(
         if not len(pixels):
             return
         check_image(pixels.shape[2], pixels.shape[1])
-        times = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(in_us(block)))
-        images = (image for (block,) in blocks(1, pixels) for image in block)
-        for frame_us, image in zip(times, images, strict=True):
+        times_us = (frame_us for (block,) in blocks(CHUNK, t) for frame_us in _times_us(in_us(block)))
+        pictures = (image for (block,) in blocks(1, pixels) for image in block)
+        for frame_us, image in zip(times_us, pictures, strict=True):
             yield frame_us, np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image
 
 

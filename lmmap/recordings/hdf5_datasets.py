@@ -75,7 +75,7 @@ def check_place(group: h5py.Group, dataset: h5py.Dataset, name: str) -> None:
 def _holds_numbers(kind: np.dtype, columns: str) -> bool:
     if not columns:
         return kind.kind in "iufb"
-    return {*columns} <= {*(kind.names or ())} and all(kind[name].kind in "iufb" for name in kind.names)
+    return {*columns} <= {*(kind.names or ())} and all(kind[name].kind in "iufb" for name in kind.names or ())
 
 
 def blocks(least: int, *datasets: h5py.Dataset) -> Iterator[list[np.ndarray]]:
@@ -104,7 +104,7 @@ def _check_chunks(dataset: h5py.Dataset, filters: list[int]) -> None:
         raise ValueError(f"{dataset.name} holds {count} of {expected} chunks")
     if not {GZIP, BLOSC} & set(filters):
         return
-    stored = []
+    stored: list = []
     dataset.id.chunk_iter(stored.append)
     with open(dataset.file.filename, "rb") as file:
         for chunk in stored:

@@ -67,7 +67,7 @@ def sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
 
 def _picture_details(path: Path) -> dict:
     with suppress(Exception), Image.open(path) as picture:  # of a picture that was decoded before
-        if deg := EXIF_DEG.get(picture.getexif().get(EXIF_ORIENTATION)):
+        if deg := EXIF_DEG.get(picture.getexif().get(EXIF_ORIENTATION, 0)):
             return {TURNED: deg}
     return {}
 

@@ -8,6 +8,7 @@ import io
 import os
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 from ..files import check_output, is_special, lock, open_special, write_text, writes
 from ..marks import as_mark, check_mark
@@ -60,7 +61,7 @@ class Journal:
         self.done_us: list[int] = []
         self.done: dict[int, Estimate] = {}
         self._resume, self._made_of = resume, made_of
-        self._file = None
+        self._file: Any = None  # of text, once it is open
         self._whole = 0  # bytes of whole lines to go on behind
 
     def _read(self) -> None:
@@ -104,6 +105,7 @@ class Journal:
             if self.format == "csv":
                 csv.DictWriter(self._file, COLUMNS, lineterminator="\n").writerow(as_row(estimate))
             elif estimate.status == Status.OK:  # the format cannot say that a pose is a prediction
+                assert estimate.T_cam_port is not None
                 self._file.write(tum_line(estimate.t_us, estimate.T_cam_port))
             self._file.flush()
         except OSError as error:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import csv
 import io
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -66,8 +67,8 @@ def parse_trajectory(text: str, path, format: str) -> Trajectory:
     try:
         if format == "tum":
             lines = [line.split() for line in text.splitlines()]
-            rows = [line for line in lines if line and not line[0].startswith("#")]
-            t_us = [round(float(row[0]) * 1e6) for row in rows]
+            rows: list = [line for line in lines if line and not line[0].startswith("#")]
+            t_us: Any = [round(float(row[0]) * 1e6) for row in rows]
             T = _poses([row[1:8] for row in rows]).inverse
         else:
             rows = [r for r in _csv_rows(text, ("t_us", *POSE)) if r.get("status", Status.OK) == Status.OK]
@@ -159,7 +160,7 @@ def parse_estimates(text: str, path) -> list[Estimate]:
 
 def _estimate(row: dict) -> Estimate:
     row = {name.replace("paper_", "printed_"): value for name, value in row.items()}  # an older name
-    poses = {
+    poses: dict[str, Any] = {
         name: _poses([[row[prefix + n] for n in POSE]])[0]
         for name, prefix in PREFIXES.items()
         if row.get(prefix + "x_m")
@@ -167,8 +168,8 @@ def _estimate(row: dict) -> Estimate:
     ellipse = None
     if row.get("u_px"):
         u, v, major, minor, angle = (float(row[n]) for n in ELLIPSE)
-        ellipse = Ellipse([u, v], [major, minor], angle)
-    scores = {name: float(row[name]) for name in SCORES}
+        ellipse = cast(Callable, Ellipse)([u, v], [major, minor], angle)
+    scores: dict[str, Any] = {name: float(row[name]) for name in SCORES}
     scores |= {name: float(row[name]) for name in CERTAINTY if row.get(name)}  # newer than the rest
     covariance = None
     if row.get(COVARIANCE[0]):
@@ -181,7 +182,7 @@ def _estimate(row: dict) -> Estimate:
 def trajectory_of(estimates: list[Estimate]) -> Trajectory:
     """The estimates that have a pose, as a trajectory."""
     posed = [e for e in estimates if e.T_cam_port is not None]
-    return Trajectory([e.t_us for e in posed], Pose.stack([e.T_cam_port for e in posed]))
+    return Trajectory(cast(np.ndarray, [e.t_us for e in posed]), Pose.stack([e.T_cam_port for e in posed]))
 
 
 def _csv_rows(text: str, columns) -> list[dict]:

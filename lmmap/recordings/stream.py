@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class Stream:
     """
 
     name: str
-    camera: Camera | None
+    camera: Camera  # or None, if unchecked
     source: Source
     truth: Trajectory | None = None
     checked: bool = True  # False: values as they are, to count their faults
@@ -83,7 +83,7 @@ class Stream:
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
         """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
         eight_bit = plugins.reader("depth")  # of 16 bits a value, as no camera of ours writes
-        path, frames = self.source.path, self.source.frames
+        path, frames = self.source.path, cast(Any, self.source.frames)
         frames = timely_frames(eight_bit(path, frames) if eight_bit else frames())
         frames = checked_frames(frames, self.camera.size_px) if self.checked else frames
         if flip := self.flips.get("rgb"):
@@ -111,11 +111,12 @@ class Stream:
         return Recording(self.name, self.camera, events, frames, frames_t_us, self.truth)
 
 
-DAMAGE = (OSError, EOFError, ValueError, OverflowError, MemoryError, struct.error)
+Errors = tuple[type[Exception], ...]
+DAMAGE: Errors = (OSError, EOFError, ValueError, OverflowError, MemoryError, struct.error)
 
 
 @contextmanager
-def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
+def input_errors(path: Path, problem: str, remedy: str, errors: Errors = ()):
     """What damaged bytes raise in a reader becomes one `InputError` line.
 
     Parameters
@@ -132,14 +133,14 @@ def input_errors(path: Path, problem: str, remedy: str, errors: tuple[type[Excep
         raise InputError(f"{path}: {problem} ({reason}); {remedy}") from None
 
 
-def reader(problem: str, remedy: str, errors: tuple[type[Exception], ...] = ()):
+def reader(problem: str, remedy: str, errors: Errors = ()):
     """Decorate a function from a path to a `Source`, or to None for what another reader knows.
 
     `input_errors` of what damaged bytes raise in it, and later in the source's events, frames and details."""
 
-    def decorate(read: Callable[..., Source]) -> Callable[..., Source]:
+    def decorate(read: Callable[..., Source | None]) -> Callable[..., Source | None]:
         @wraps(read)
-        def read_safely(path: Path, *options, **named) -> Source:
+        def read_safely(path: Path, *options, **named) -> Source | None:
             def value(function: Callable):
                 with input_errors(path, problem, remedy, errors):
                     return function()

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
@@ -49,6 +50,9 @@ class Between:
         """Forget the track and what events said of it."""
         self._fusion = Fusion(self.port.yaw_period_rad, self.settings.motion)
         self._past: deque[tuple[MotionState, EdgeInformation | None]] = deque()
+        self._image_us: int | None
+        self._visible: np.ndarray | None
+        self._visible_us: int | None
         self._waiting, self._image_us = np.zeros(0, EVENT), None
         self._visible, self._visible_us = None, None
 
@@ -65,7 +69,7 @@ class Between:
     def first_us(self) -> int | float:
         """The earliest time that can be asked for: that of the last estimate taken, within `MEMORY_S`."""
         known = [self._image_us] * (self._image_us is not None) + [s.t_us for s, _ in list(self._past)[:1]]
-        return max(known, default=-np.inf)
+        return max(cast(list[int], known), default=-np.inf)
 
     @property
     def seen_us(self) -> int | float:
@@ -97,7 +101,7 @@ class Between:
         """
         if t_us < self.first_us:
             raise ValueError(f"t_us: expected {self.first_us} or later, got {t_us}")
-        since = []
+        since: list[tuple[MotionState, Any]] = []  # with what events said
         while self._past and self._past[-1][0].t_us > t_us:
             since.append(self._past.pop())
         known = self._fusion.state = self.state
@@ -106,7 +110,7 @@ class Between:
         finally:
             changed = self._fusion.state is not known
             if changed:
-                self._keep(self._fusion.state, None)
+                self._keep(cast(MotionState, self._fusion.state), None)
             for state, information in reversed(since):
                 self._keep(information.update(self.state) if changed else state, information)
             self._fusion.state = self.state
@@ -159,19 +163,19 @@ class Between:
         e = fusion.at(t_us + self.settings.late_us)
         if e.T_cam_port is None:
             return replace(e, t_us=t_us)
-        off = 1e-6 * self.settings.late_sigma_us * fusion.predict(e.t_us).velocity
-        return replace(e, t_us=t_us, covariance=e.covariance + np.outer(off, off))
+        off = 1e-6 * self.settings.late_sigma_us * cast(MotionState, fusion.predict(e.t_us)).velocity
+        return replace(e, t_us=t_us, covariance=cast(np.ndarray, e.covariance) + np.outer(off, off))
 
     def _visible_pieces(self, t_us: int, T_cam_port: Pose) -> np.ndarray:
         if self._visible_us is None or t_us > self._visible_us + 1e6 * SAME_VIEW_S:
             self._visible_us = t_us
             self._visible = self._finder.edges.visible(T_cam_port, self._finder.port, self._finder.camera)
-        return self._visible
+        return cast(np.ndarray, self._visible)
 
     def _update(self, events) -> bool:
         if (information := self.measure(events)) is None:
             return False
-        self._fusion.state = information.update(self._fusion.predict(information.t_us))
+        self._fusion.state = information.update(cast(MotionState, self._fusion.predict(information.t_us)))
         self._keep(self._fusion.state, information)
         self.used += information.events
         return True

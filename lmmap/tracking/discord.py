@@ -44,6 +44,7 @@ class Discord:
         self._last[camera] = e
 
     def _compare(self, before: Estimate, after: Estimate) -> None:
+        assert before.T_cam_port is not None and after.T_cam_port is not None
         s = self.settings
         state = MotionState.start(before.t_us, before.T_cam_port, before.covariance, s.motion)
         close = match(state.predict(after.t_us), after, self._turns, s.motion.gate)

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
+from typing import Any, cast
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class Fusion:
     """
 
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
+        self.state: MotionState | None
         self.motion, self.state, self.belief = motion, None, 0.0
         self._ahead: tuple[MotionState, MotionState] | None = None  # a state, and what was predicted from it
         self.seen_us: dict[str, int] = {}  # of the last accepted estimate of each camera
@@ -74,7 +76,7 @@ class Fusion:
             raise ValueError(f"estimates: expected one time, got {sorted(times)}")
         (t_us,) = times
         check_time("t_us", t_us)
-        seen = {camera: e for camera, e in estimates.items() if e.T_cam_port is not None}
+        seen: dict[str, Any] = {camera: e for camera, e in estimates.items() if e.T_cam_port is not None}
         track = self.predict(t_us)
         self._statuses |= {camera: e.status for camera, e in estimates.items()}
         if track is None and seen:
@@ -103,7 +105,7 @@ class Fusion:
         """Whether there is a track, and the estimate or its rival keeps the gate about it."""
         track = self.predict(e.t_us)
         both = track is not None and e.T_cam_port is not None
-        return both and match(track, e, self._turns, self.motion.gate) is not None
+        return both and match(cast(MotionState, track), e, self._turns, self.motion.gate) is not None
 
     def at(self, t_us: int) -> Estimate:
         """The estimate at a time not before the last one added; no pose while the track is lost."""
@@ -122,6 +124,7 @@ class Fusion:
         return self._ahead[1]
 
     def _begin(self, camera: str, e: Estimate, belief: float) -> MotionState:
+        assert e.T_cam_port is not None
         self.state = MotionState.start(e.t_us, e.T_cam_port, e.covariance, self.motion)
         self.seen_us, self.belief = {camera: e.t_us}, belief
         return self.state

@@ -9,7 +9,7 @@ and keeps the gate while y' (P + S)^-1 y is no larger than it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -38,6 +38,7 @@ def match(track: MotionState, e: Estimate, turns: np.ndarray, gate: float) -> Ma
     gate
         Largest squared Mahalanobis distance.
     """
+    assert e.T_cam_port is not None and e.covariance is not None
     choices = [(e.T_cam_port, e.covariance, False)]
     if e.rival is not None:
         S = rotate_covariance(e.covariance, e.T_cam_port.normal, e.rival.normal)
@@ -68,7 +69,7 @@ def check_pair(pair) -> tuple[str, Estimate]:
         _check_covariance(e.covariance, camera)
         if not 0 < e.confidence <= 1:
             raise ValueError(f"estimates: expected confidences in (0, 1], got {e.confidence} from {camera}")
-    return pair
+    return cast(tuple[str, Estimate], pair)
 
 
 def _check_covariance(covariance, camera: str) -> None:

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
 from ..pipeline.estimator import Estimator
 from ..pipeline.inputs import check_image
-from ..types import Estimate, Status, check_time, checked
+from ..types import Estimate, Pose, Status, check_time, checked
 from .between import Between
 from .crop import expected_ring
 from .discord import Discord
@@ -153,7 +154,7 @@ class Tracker:
         estimator = self.estimators[modality]
         for t_us, image in looks:
             state = self._predict(t_us)
-            predicted = state and state.T_cam_port
+            predicted = cast(Pose | None, state and state.T_cam_port)
             near = state and expected_ring(state, estimator.setup)
             self._since_full[modality] += 1
             if near and self._since_full[modality] < estimator.settings.full_frame_every:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from scipy.special import chdtr
@@ -15,7 +16,7 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
     """Standard deviations of the position (m) and of the normal (rad), each along its worst direction."""
     position, normal, _ = _covariances(estimate)
     worst = [np.linalg.eigvalsh(block)[-1] for block in (position, normal)]
-    return tuple(float(np.sqrt(max(w, 0))) for w in worst)
+    return cast(tuple[float, float], tuple(float(np.sqrt(max(w, 0))) for w in worst))
 
 
 def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
@@ -44,6 +45,7 @@ def probability_within_limits(estimate: Estimate, settings: Settings = OURS) -> 
 
 def _covariances(estimate: Estimate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Those (3, 3) of a pose's position, of its normal, and of its rotation."""
+    assert estimate.covariance is not None and estimate.T_cam_port is not None
     C, n = estimate.covariance, estimate.T_cam_port.normal
     across = np.eye(3) - np.outer(n, n)
     return C[:3, :3], across @ C[3:, 3:] @ across, C[3:, 3:]
