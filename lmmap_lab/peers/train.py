@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import safetensors.torch
 import torch
+from safetensors.torch import load as load_tensors
 from torch.nn import functional as F
 
 from lmmap.pipeline.inputs import check_image
@@ -143,7 +143,7 @@ def load(path: Path, camera: Camera | None = None, port: Port | None = None,
         raise InputError(f"{path}: its hash differs from its card's; train it again")
     peer, modality = card["peer"], card["recipe"]["modality"]
     net = PEERS[peer].network(modality)
-    net.load_state_dict({name: values.float() for name, values in safetensors.torch.load(content).items()})
+    net.load_state_dict({name: values.float() for name, values in load_tensors(content).items()})
     return LearnedEstimator(peer, net, modality, camera, port, min_confidence)
 
 

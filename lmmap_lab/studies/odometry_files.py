@@ -64,8 +64,11 @@ def export(recording: Recording, folder: Path, bag: bool = True) -> dict[str, in
     with writes(folder), temporary(folder) as new:
         counts = _write_files(recording, new, bag)
         targets = {path: folder / path.relative_to(new) for path in sorted(new.rglob("*")) if path.is_file()}
-        for target in filter(is_special, targets.values()):  # before any is replaced
-            raise InputError(f"{target}: is a device or a pipe, not a file; give another folder")
+        for target in targets.values():
+            if is_special(target) or target.is_dir():  # before any is replaced
+                raise InputError(
+                    f"{target}: is a folder, a device or a pipe; give another folder for the export"
+                )
         for path, target in targets.items():
             target.parent.mkdir(parents=True, exist_ok=True)
             with atomic(target) as part:

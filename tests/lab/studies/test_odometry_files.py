@@ -213,14 +213,13 @@ def test_files_that_are_absent_or_of_another_kind(reference, tmp_path, capsys):
         assert code == 1 and err.count("\n") == 1 and reason in err
 
 
-def test_a_pipe_among_what_is_exported_leaves_all_files(tmp_path, exported, capsys):
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_what_is_no_file_among_what_is_exported_leaves_all_files(tmp_path, exported, capsys, make):
     folder = shutil.copytree(exported, tmp_path / "a")
-    (folder / "rgb.txt").unlink()
-    os.mkfifo(folder / "rgb.txt")
-    (pipe := folder / "rgb.txt").rename(tmp_path / "pipe")
+    (odd := folder / "rgb.txt").unlink()
     before = snapshot(folder)
-    (tmp_path / "pipe").rename(pipe)
+    make(odd)
     assert main.main(["odometry", "export", str(MINI), str(folder), "--overwrite"]) == 1
-    assert "rgb.txt: is a device or a pipe" in capsys.readouterr().err
-    pipe.unlink()
+    assert "rgb.txt: is a folder, a device or a pipe" in capsys.readouterr().err
+    odd.rmdir() if odd.is_dir() else odd.unlink()
     assert snapshot(folder) == before
