@@ -111,7 +111,7 @@ class Player:
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         html = (f'<video class="player" controls loop playsinline preload="metadata" aria-label="{SAID}" '
-                f'src="../_static/{VIDEO.name}"></video>')  # fmt: skip
+                f'src="../_static/{VIDEO.name}#t=8"></video>')  # fmt: skip  # its first images are dark
         return {"text/html": html, "image/png": base64.b64encode(self.still()).decode()}
 
     def still(self) -> bytes:
