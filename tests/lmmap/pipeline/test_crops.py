@@ -1,5 +1,6 @@
 """Masks in crops are those of the whole image, and two can be made at once."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -51,7 +52,13 @@ def test_the_callers_own_threads_keep_torchs_number(one_thread):
         with ThreadPoolExecutor(1) as mine:
             return mine.submit(torch.get_num_threads).result()
 
+    both = threading.Barrier(2)  # or one worker may take both tasks while the other one is still being made
+
+    def met(_) -> int:
+        both.wait(60)
+        return torch.get_num_threads()
+
     with workers(2) as pool:
-        assert list(pool.map(lambda _: torch.get_num_threads(), range(4))) == [1] * 4
+        assert list(pool.map(met, range(4))) == [1] * 4
         assert asked() == 2
     assert torch.get_num_threads() == asked() == 2
