@@ -32,10 +32,9 @@ class Estimator(ImageEstimator):
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        The two mask networks: one of the shipped sets, `SETS`, a folder with files named as the
-        ones of `low`, or the two as callables ``(ring, reflectors)``, each from an image to a mask
-        (H, W) in [0, 1].  Default: ``OURS.weights``, the set that the command line takes as well.  Of a
-        folder of ``lmmap adapt`` the networks from before answer first (`looks`).
+        The two mask networks: one of the shipped sets, `SETS`, a folder with files named as those of `low`,
+        or two callables ``(ring, reflectors)``, each from an image to a mask (H, W) in [0, 1].  Default: the
+        command's, ``OURS.weights``.  A folder of ``lmmap adapt`` has the networks from before answer first.
     settings
         Default: `OURS`, its number of events kept per pixel of this camera.
     precision
@@ -78,8 +77,7 @@ class Estimator(ImageEstimator):
         Parameters
         ----------
         near
-            Where the ring is expected, in pixels of `grid`: it is looked for there alone, and ``printed`` is
-            left out.
+            Where the ring is expected, in pixels of `grid`: it is looked for there alone, without ``printed``.
         wider
             Time and histogram of more events, for an image of events that shows no sure pose.
         """
