@@ -77,7 +77,7 @@ class Estimator(ImageEstimator):
         Parameters
         ----------
         near
-            Where the ring is expected, in pixels of `grid`: it is looked for there alone, without ``printed``.
+            Where the ring is expected, in pixels of `grid`: looked for there alone, without ``printed``.
         wider
             Time and histogram of more events, for an image of events that shows no sure pose.
         """
