@@ -17,7 +17,7 @@ from .port_fit import draw_outline
 from .tables import sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
-REPRODUCE_MINUTES = 12  # of `make reproduce` on two cores, without the installation; README says the same
+REPRODUCE_MINUTES = 9  # of `make reproduce` on two cores, without the installation; README says the same
 # what a step does, what it gives, and its colour: see `draw_flow`
 FLOW = (
     (f"frame, or\n{PAPER.events_per_window:,} events", "image", "ink"), ("ring\nnetwork", "mask", "event"),
