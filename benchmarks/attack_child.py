@@ -153,7 +153,7 @@ def _run(argv, folder, err, told, kill_at, stdout, most_bytes, nobody) -> None:
         os.dup2(err, 2)
         sys.stdout, sys.stderr = open(1, "w"), open(2, "w", 1, errors="backslashreplace")  # noqa: SIM115
         if stdout is None:  # as Python finds it then
-            sys.stdout = os.close(1)
+            sys.stdout = sys.stdout.close()
         limits = {resource.RLIMIT_AS: used_bytes(0) + HARD_BYTES, resource.RLIMIT_CORE: 0}
         limits |= {resource.RLIMIT_CPU: HARD_S}
         limits |= {resource.RLIMIT_FSIZE: most_bytes} if most_bytes else {}
