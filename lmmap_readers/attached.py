@@ -14,7 +14,7 @@ from .flips import flip_events, flip_frame
 
 
 class Attached:
-    """The first camera that dv-processing finds, its images flipped as `flips.FLIPS` has it."""
+    """The first camera that dv-processing finds; ``flips`` has a flip, one of `flips.FLIPS`, by modality."""
 
     def __init__(self, flips: Mapping[str, str] | None = None):
         if not dv.io.camera.discover():

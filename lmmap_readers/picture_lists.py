@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -37,12 +36,10 @@ def read(path: Path, time_unit: str | None = None) -> Source:
     names, t = _list_pictures(path)
     source = sequence(path, names, [int(t_us) for t_us in microseconds(t, time_unit).tolist()])
     source = replace(source, guessed=None if time_unit else GuessedSteps.of(t))
-    events = partial(_events_beside, path / "events.txt", time_unit)
-    return replace(source, events=events) if (path / "events.txt").exists() else source
-
-
-def _events_beside(path: Path, time_unit: str | None):
-    return read_events(path, time_unit).events()
+    beside = path / "events.txt"
+    return (
+        replace(source, events=lambda: read_events(beside, time_unit).events()) if beside.exists() else source
+    )
 
 
 def _list_pictures(path: Path) -> tuple[list[Path], np.ndarray]:

@@ -1,5 +1,7 @@
 """Random worlds that the tests share."""
 
+import os
+
 import numpy as np
 import pytest
 from hypothesis import strategies as st
@@ -115,3 +117,14 @@ def line(function, *arguments) -> str:
         function(*arguments)
     assert "\n" not in str(refused.value)
     return str(refused.value)
+
+
+def unreadable(folder) -> list[tuple]:
+    """Paths of what is no file or too large, made in a folder, each with words that refuse it."""
+    (folder / "device").symlink_to("/dev/zero")
+    os.mkfifo(folder / "pipe")
+    with (folder / "sparse").open("wb") as file:
+        file.truncate(2**33)
+    refused = {"device": "a device or a pipe", "pipe": "a device or a pipe", "sparse": "8589934592 bytes",
+               "none": "no such file"}  # fmt: skip
+    return [(folder / name, words) for name, words in refused.items()]

@@ -54,8 +54,8 @@ def estimate(a: Namespace) -> None:
             files.enter_context(file)
         resumed = len(journal.statuses)
         if resumed and views:
-            drawing = next(iter(_views(a).values()))
-            raise InputError(f"{drawing}: a drawing cannot be resumed; leave it out, and use lmmap draw")
+            remedy = "leave it out, and use lmmap draw"
+            raise InputError(f"{a.video or a.rerun}: a drawing cannot be resumed; {remedy}")
         for view in views:
             files.enter_context(view)
         answers = files.enter_context(closing(_answers(a, stream, estimators, journal, parts)))

@@ -31,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except InputError as error:
-        return _fail(" ".join(str(error).splitlines())[:MAX_LETTERS])  # also where a name has several lines
+        return _fail(str(error))
     except MemoryError:
         return _fail("not enough memory; end other programs, or give a smaller recording")
     except KeyboardInterrupt as interrupt:
@@ -39,7 +39,7 @@ def main(argv: list[str] | None = None) -> int:
         return 130
     except OSError as error:
         if error.errno is None:  # of a library, in words
-            return _fail(" ".join(str(error).splitlines())[:MAX_LETTERS])
+            return _fail(str(error))
         if error.filename is not None:
             return _fail(f"{error.filename}: {error.strerror}; check its path and its permissions")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to print is lost
@@ -68,7 +68,8 @@ def _run(argv: list[str] | None) -> int:
 
 
 def _fail(message: str) -> int:
-    print(f"lmmap: {message}", file=sys.stderr)
+    line = " ".join(message.splitlines())[:MAX_LETTERS]  # also where a name has several lines
+    print(f"lmmap: {line}", file=sys.stderr)
     return 1
 
 

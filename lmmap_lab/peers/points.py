@@ -22,8 +22,9 @@ from lmmap.geometry.projection import project_points, undistort_points
 from lmmap.pipeline.network import CHANNELS, STRIDE_PX, WIDTHS, FilterNet, encode
 from lmmap.types import Camera, Port, Pose
 
+from ..training.batches import events_of, vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples, events_of, vary
+from .samples import PosedSamples
 
 CLASSES, MIRRORED = 6, [3, 2, 1, 0, 4, 5]  # the latter: what a mirror makes of each class
 PEAK_SIGMA_PX, LEAST_PEAK, PEAK_WINDOW = 1.5, 0.1, 5
@@ -93,7 +94,7 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
     if mirror:
         image, mask, heat = image[:, ::-1], mask[:, ::-1], heat[MIRRORED, :, ::-1]
     image, mask = (np.ascontiguousarray(a) for a in (image, mask))
-    return vary(image, mask, cover, recipe, rng), heat
+    return vary(image, mask, cover, recipe, rng)[0], heat
 
 
 def heatmaps(points_px, shape: tuple[int, int]) -> np.ndarray:

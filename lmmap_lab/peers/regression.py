@@ -20,8 +20,9 @@ from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
+from ..training.batches import events_of, vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples, events_of, vary
+from .samples import PosedSamples
 
 STAGES = (1, 2, 4, 8, 8)  # channels after each halving of the image, in the first stage's
 SMALL, LARGE = 32, 128  # channels of the first stage: as many weights as both filters have, and ten times
@@ -85,17 +86,6 @@ def pose_loss(answers: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return (differences(answers, truth) * torch.exp(-log_scale) + log_scale).sum(-1).mean()
 
 
-class PoseTarget(torch.Tensor):
-    """Truths (N, 9), which are compared by `pose_loss` where `training.batches` compares masks by
-    cross-entropy: so the one loop of training serves poses too."""
-
-    @classmethod
-    def __torch_function__(cls, func, types, args=(), kwargs=None):
-        if func is F.binary_cross_entropy_with_logits:
-            return pose_loss(args[0], args[1].as_subclass(torch.Tensor))
-        return super().__torch_function__(func, types, args, kwargs or {})
-
-
 def to_ray(position_m) -> np.ndarray:
     """The least rotation (3, 3) that takes the optical axis to the ray of a position."""
     x, y, z = np.asarray(position_m) / np.linalg.norm(position_m)
@@ -151,7 +141,7 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
             break
     mask = samples.mask(index).astype(np.float32)
     mask, _ = rolled(mask, pose, angle_rad, mirror, camera)
-    return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)), encode_pose(pose)
+    return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]), encode_pose(pose)
 
 
 def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float]:

@@ -8,19 +8,18 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from lmmap.settings import PAPER
 from lmmap.types import Port, Pose, Recording
 
 from ..bench import sequences, varied
 from ..provenance import fingerprint
-from ..training import augment, dataset
+from ..training import dataset
 
 
 def posed_samples(recording: Recording, count: int, port: Port) -> dict[str, np.ndarray]:
     """`dataset.sample_recording`, and ``rgb_poses``, ``event_poses`` (N, 3, 4): rotation and position."""
     arrays, at = dataset.sample_recording(recording, count, port), recording.truth.at
-    frames_us = recording.frames_t_us[dataset._spread(len(recording.frames), count)]
-    for modality, t_us in (("rgb", frames_us), ("event", dataset._sample_events(recording, count)[1])):
+    frames_us = recording.frames_t_us[dataset.spread(len(recording.frames), count)]
+    for modality, t_us in (("rgb", frames_us), ("event", dataset.sample_events(recording, count)[1])):
         poses = at(np.array(t_us, np.int64))
         arrays[f"{modality}_poses"] = np.concatenate([poses.rotation, poses.position_m[..., None]], -1)
     return arrays
@@ -68,17 +67,3 @@ class PosedSamples(dataset.Samples):
     def port(self, index: int) -> Port:
         """The port that the image shows."""
         return port_of(self._places[index][0])
-
-
-def events_of(recipe, rng) -> int:
-    """How many events a training image has, as in `batches`."""
-    events = PAPER.events_per_window
-    return int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS)))) if recipe.robust else events
-
-
-def vary(image, mask, cover, recipe, rng) -> np.ndarray:
-    """A training image after what `batches` does to it; ``cover`` is as in `augment.clutter`."""
-    if not recipe.robust:
-        return augment.expose(image, rng) if recipe.modality == "rgb" else image
-    change = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
-    return change(image, mask, cover, rng)[0]

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from safetensors.torch import load as load_tensors
-from torch.nn import functional as F
 
 from lmmap.pipeline.inputs import check_image
 from lmmap.pipeline.network import encode
@@ -26,26 +25,26 @@ from lmmap.types import Camera, Estimate, InputError, Port, Status
 
 from ..provenance import DERIVED_DATA, commit
 from ..training import dataset
-from ..training.batches import learn
+from ..training.batches import MASK_LOSS, Loss, learn
 from ..training.learning import seeded
 from ..training.recipe import SHIPPED, Recipe
 from . import points, regression, samples
 
 CHECKPOINT_STEPS, CHECKED_BATCHES = 250, 4
-FILTER = "ring"  # a recipe names one; peers have none
+FILTER = "ring"  # a recipe has to name a filter, though a peer has none
 
 
 class Peer(NamedTuple):
     """What a peer is made of: its network by modality, a varied image with its target, the pose and
-    confidence that the network gives of an image, and the kind of tensor that compares targets."""
+    confidence that the network gives of an image, and its loss."""
 
     network: Callable[[str], torch.nn.Module]
     sample: Callable
     answer: Callable
-    target: type = torch.Tensor
+    loss_of: Loss = MASK_LOSS
 
 
-_POSE = Peer(regression.network, regression.sample, regression.answer, regression.PoseTarget)
+_POSE = Peer(regression.network, regression.sample, regression.answer, regression.pose_loss)
 PEERS = {
     "pnp": Peer(points.network, points.sample, points.answer),
     "pose": _POSE,
@@ -77,7 +76,7 @@ def batch(peer: str, shown: samples.PosedSamples, recipe: Recipe, step: int, cam
     rng = np.random.default_rng([recipe.seed, step])
     pairs = [PEERS[peer].sample(shown, recipe, camera, rng) for _ in range(recipe.batch)]
     images, targets = (np.stack([pair[k] for pair in pairs]) for k in (0, 1))
-    return encode(images, recipe.modality), torch.from_numpy(targets).as_subclass(PEERS[peer].target)
+    return encode(images, recipe.modality), torch.from_numpy(targets)
 
 
 def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: list[str] | None = None,
@@ -94,7 +93,7 @@ def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: 
     names
         Sequences; default: those of the recipe's networks.
     images
-        Learn from so many images only, drawn by the recipe's seed.
+        Learn from only this many images, drawn by the recipe's seed.
     every
         Steps between two checkpoints.
     """
@@ -114,11 +113,12 @@ def train(peer: str, recipe: Recipe, folder: Path, samples_folder: Path, names: 
         losses = []
         for step in range(CHECKED_BATCHES):
             x, y = batch(peer, held_out, recipe, step, camera)
-            losses.append(F.binary_cross_entropy_with_logits(net(x.to(device)), y.to(device)).item())
+            losses.append(PEERS[peer].loss_of(net(x.to(device)), y.to(device)).item())
         return {"loss": round(sum(losses) / len(losses), 6)}
 
     progress = learn(net, recipe, lambda step: batch(peer, shown, recipe, step, camera),
-                     path.with_suffix(".ckpt.safetensors"), every, check=check)  # fmt: skip
+                     path.with_suffix(".ckpt.safetensors"), every, check=check,
+                     loss_of=PEERS[peer].loss_of)  # fmt: skip
     with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
         for step, curve in progress:
             if curve and curve[-1]["step"] == step:
@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, help="default: as many as those filters")
     parser.add_argument("--rate", type=float, default=1e-3, help="of Adam (default: 0.001)")
     parser.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
-    parser.add_argument("--images", type=int, help="learn from so many images only (default: all)")
+    parser.add_argument("--images", type=int, help="learn from only this many images (default: all)")
     default = DERIVED_DATA / "peers"
     text = f"samples, made where they are absent (default: {default})"
     parser.add_argument("--samples", type=Path, default=default, metavar="FOLDER", help=text)

@@ -17,6 +17,9 @@ from . import augment
 from .checkpoint import resume, save_checkpoint
 from .recipe import Recipe
 
+Loss = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+MASK_LOSS: Loss = F.binary_cross_entropy_with_logits
+
 
 class AnySamples(Protocol):
     """Images and one filter's masks of them, as `dataset.Samples`."""
@@ -27,7 +30,7 @@ class AnySamples(Protocol):
         """Boolean mask (H, W)."""
 
     def image(self, index: int, events: int) -> np.ndarray:
-        """Frame (H, W, 3), or histogram (H, W) of so many events."""
+        """Frame (H, W, 3), or histogram (H, W) of this many events."""
 
 
 def make_batch(samples: AnySamples, recipe: Recipe, step: int, encode=encode):
@@ -47,9 +50,7 @@ def _crop(samples, recipe, rng):
     """One varied crop and its mask."""
     index, size = rng.integers(len(samples)), recipe.crop_px
     mask, other = samples.mask(index), rng.integers(len(samples))
-    events = PAPER.events_per_window
-    if recipe.robust:
-        events = int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS))))
+    events = events_of(recipe, rng)
     corner = rng.integers(0, np.array(mask.shape) - size + 1)
     positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
     if len(positive):
@@ -59,12 +60,25 @@ def _crop(samples, recipe, rng):
     image = samples.image(index, events)[window].astype(np.float32)
     image, mask = augment.flip([image, mask[window]], rng)
     if not recipe.robust:
-        return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
+        return vary(image, mask, None, recipe, rng)
     cover = samples.image(other, events)[window].astype(np.float32)
     if samples.mask(other)[window].any():
         cover = np.zeros_like(image)  # something plain and dark instead
-    vary = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
-    return vary(image, mask, cover, rng)
+    return vary(image, mask, cover, recipe, rng)
+
+
+def events_of(recipe: Recipe, rng) -> int:
+    """How many events a training image has."""
+    events = PAPER.events_per_window
+    return int(events * np.exp(rng.uniform(*np.log(augment.HISTOGRAM_EVENTS)))) if recipe.robust else events
+
+
+def vary(image, mask, cover, recipe: Recipe, rng) -> tuple[np.ndarray, np.ndarray]:
+    """An image and its mask, varied as a recipe has it; ``cover`` is as in `augment.clutter`."""
+    if not recipe.robust:
+        return (augment.expose(image, rng) if recipe.modality == "rgb" else image), mask
+    change = augment.robust_frame if recipe.modality == "rgb" else augment.robust_histogram
+    return change(image, mask, cover, rng)
 
 
 def half_precision(device: torch.device):
@@ -85,7 +99,7 @@ def learning_rate(recipe: Recipe, step: int) -> float:
     return recipe.rate * warm_up * 0.5 * (1 + np.cos(np.pi * step / recipe.steps))
 
 
-def take_step(net, adam, pair, recipe, step, teacher=None) -> float:
+def take_step(net, adam, pair, recipe, step, teacher=None, loss_of: Loss = MASK_LOSS) -> float:
     """One step of Adam; returns its loss."""
     net.train()
     for group in adam.param_groups:
@@ -94,7 +108,7 @@ def take_step(net, adam, pair, recipe, step, teacher=None) -> float:
     x = pair[0].to(device, memory_format=torch.channels_last)
     with half_precision(device):
         logits, target = net(x), taught(teacher, x, pair[1].to(device))
-    loss = F.binary_cross_entropy_with_logits(logits.float(), target)
+    loss = loss_of(logits.float(), target)
     adam.zero_grad()
     loss.backward()
     adam.step()
@@ -102,8 +116,8 @@ def take_step(net, adam, pair, recipe, step, teacher=None) -> float:
 
 
 def learn(net: torch.nn.Module, recipe: Recipe, batch: Callable[[int], tuple], checkpoint: Path, every: int,
-          teacher: FilterNet | None = None,
-          check: Callable[[int], dict] | None = None) -> Iterator[tuple[int, list]]:  # fmt: skip
+          teacher: FilterNet | None = None, check: Callable[[int], dict] | None = None,
+          loss_of: Loss = MASK_LOSS) -> Iterator[tuple[int, list]]:  # fmt: skip
     """Take all steps of a recipe, from the checkpoint on if there is one.
 
     Parameters
@@ -114,6 +128,8 @@ def learn(net: torch.nn.Module, recipe: Recipe, batch: Callable[[int], tuple], c
         Steps between two checkpoints; there is one at the end, too.
     check
         What to note of the network at each checkpoint, from the number of steps done.
+    loss_of
+        The loss of answers, by their targets.
 
     Yields
     ------
@@ -124,7 +140,7 @@ def learn(net: torch.nn.Module, recipe: Recipe, batch: Callable[[int], tuple], c
     yield start, curve
     losses = []
     for done in range(start + 1, recipe.steps + 1):
-        losses.append(take_step(net, adam, batch(done - 1), recipe, done - 1, teacher))
+        losses.append(take_step(net, adam, batch(done - 1), recipe, done - 1, teacher, loss_of))
         if done == recipe.steps or done % every == 0:
             if check:
                 loss = round(float(np.mean(losses)), 6)

@@ -67,19 +67,19 @@ def sample_recording(
         masks = [labels.label_masks(pose, port, camera, rays).astype(np.uint8) for pose in poses]
         return np.array([m[0] | m[1] << 1 for m in masks], np.uint8).reshape(-1, *shape)
 
-    chosen = _spread(len(recording.frames), count)
-    events, middles_us = _sample_events(recording, count)
+    chosen = spread(len(recording.frames), count)
+    events, middles_us = sample_events(recording, count)
     return {"rgb": recording.frames[chosen], "rgb_labels": masks_at(recording.frames_t_us[chosen]),
             "event": events, "event_labels": masks_at(middles_us)}  # fmt: skip
 
 
-def _sample_events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
+def sample_events(recording: Recording, count: int) -> tuple[np.ndarray, list[int]]:
     """Pixel numbers (N, M) by distance in time, and the times of the N middles."""
     events, width = recording.events, recording.camera.width_px
     most = min(MOST_EVENTS, len(events))
     rows, middles_us, core = [], [], PAPER.events_per_window
     if most >= core:
-        for start in _spread(len(events) - most + 1, count):
+        for start in spread(len(events) - most + 1, count):
             piece = events[start : start + most]
             first = (most - core) // 2
             middle_us = (int(piece["t_us"][first]) + int(piece["t_us"][first + core - 1])) // 2
@@ -94,7 +94,7 @@ def _sample_events(recording: Recording, count: int) -> tuple[np.ndarray, list[i
     return np.array(rows, np.uint32).reshape(-1, MOST_EVENTS), middles_us
 
 
-def _spread(total: int, wanted: int) -> np.ndarray:
+def spread(total: int, wanted: int) -> np.ndarray:
     return np.unique(np.linspace(0, total - 1, min(wanted, total)).astype(int))
 
 

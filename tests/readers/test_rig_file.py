@@ -1,12 +1,11 @@
 """Rigs as files: what goes in comes out, beside the bags that it serves, and what is none is one line."""
 
 import json
-import os
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from strategies import line
+from strategies import line, unreadable
 
 from lmmap.types import Port, Pose
 from lmmap_readers.rig import RIG_FILE, Rig, find_rig, scale_port
@@ -55,13 +54,8 @@ def test_documents_that_are_no_rigs(tmp_path, text):
 
 
 def test_what_is_no_file_or_too_large_is_not_read(tmp_path):
-    (tmp_path / "device").symlink_to("/dev/zero")
-    os.mkfifo(tmp_path / "pipe")
-    with (tmp_path / "sparse").open("wb") as file:
-        file.truncate(2**33)
-    for name, words in (("device", "a device or a pipe"), ("pipe", "a device or a pipe"),
-                        ("sparse", "8589934592 bytes"), ("none", "no such file")):  # fmt: skip
-        assert words in line(Rig.load, tmp_path / name)
+    for path, words in unreadable(tmp_path):
+        assert words in line(Rig.load, path)
 
 
 def test_a_port_of_another_size_is_the_same_shape():

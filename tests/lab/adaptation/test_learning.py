@@ -51,7 +51,7 @@ def test_where_one_training_fails_the_other_stops(task, monkeypatch, tmp_path):
     nets, samples, recipes = task
     taken, step = [], batches.take_step
 
-    def failing(net, adam, pair, recipe, k, teacher):
+    def failing(net, adam, pair, recipe, k, *others):
         if recipe.filter == FILTERS[0]:
             raise KeyboardInterrupt
         taken.append(k)

@@ -1,6 +1,5 @@
 """Arms in bags and hand-eye files: what goes in comes out, and what is missing is named."""
 
-import os
 import re
 from dataclasses import replace
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.rosbag1 import Writer
-from strategies import line
+from strategies import line, unreadable
 
 from lmmap.cli import main
 from lmmap_lab.bench import rosbag_writer
@@ -127,13 +126,8 @@ def test_a_rig_and_its_arm_give_the_truth(tmp_path):
 
 
 def test_what_is_no_file_or_too_large_is_not_read(tmp_path):
-    (tmp_path / "device").symlink_to("/dev/zero")
-    os.mkfifo(tmp_path / "pipe")
-    with (tmp_path / "sparse").open("wb") as file:
-        file.truncate(2**33)
-    for name, words in (("device", "a device or a pipe"), ("pipe", "a device or a pipe"),
-                        ("sparse", "8589934592 bytes"), ("none", "no such file")):  # fmt: skip
-        assert words in line(read_hand_eye, tmp_path / name)
+    for path, words in unreadable(tmp_path):
+        assert words in line(read_hand_eye, path)
 
 
 def test_a_hand_eye_file_that_states_a_value_twice(tmp_path):

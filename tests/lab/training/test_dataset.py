@@ -58,7 +58,7 @@ def test_any_number_of_events_is_a_histogram_symmetric_in_time(recording, folder
     """The first N events of a sample are N consecutive events of the recording, about the mask's time."""
     samples = dataset.Samples(["mini"], "ring", "event", folder)
     events, width = recording.events, recording.camera.width_px
-    rows, middles_us = dataset._sample_events(recording, 3)
+    rows, middles_us = dataset.sample_events(recording, 3)
     for i, (row, middle_us) in enumerate(zip(rows, middles_us, strict=True)):
         known = int((row != dataset.NO_EVENT).sum())
         assert known >= PAPER.events_per_window
