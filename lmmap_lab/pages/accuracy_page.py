@@ -119,17 +119,15 @@ def verdict_table(claims: pd.DataFrame):
 
 
 def claims_table(claims: pd.DataFrame):
-    """`claims.claims`, styled: in small print under each claim what its numbers are and the rule, and under
-    each verdict its numbers; the verdict that decides stands in bold letters."""
-    reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
+    """`claims.claims`, styled as a `claim_table`: the numbers under each verdict, and in bold letters the one
+    that decides."""
     pairs = ["numbers", "paper", *ESTIMATORS]  # pairs of cells, in a light after the other
     claims = claims.assign(**claims[pairs].apply(lambda texts: texts.str.replace(" | ", " and ")))
     numbers = ("Numbers: " + claims.numbers + ". ").mask(claims.numbers == "in words", "")
-    told = "<br><small>" + numbers + "Holds if: " + reasons + "</small>"
     columns = {"paper": claims.paper}
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"]
-        numbers = claims[estimator].where(claims[estimator] != NOT_RUN, "")
+        found = claims[estimator].where(claims[estimator] != NOT_RUN, "")
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
-        columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + numbers + "</small>"
-    return claim_table(claims, told, columns)
+        columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + found + "</small>"
+    return claim_table(claims, numbers, columns)

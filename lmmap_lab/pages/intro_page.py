@@ -14,7 +14,7 @@ from lmmap.types import Camera, Ellipse, Recording
 from ..studies.verdicts import ESTIMATORS
 from .drawings import COLOUR, draw_estimate
 from .port_fit import draw_outline
-from .tables import sentence_table
+from .tables import rules, sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 REPRODUCE_MINUTES = 9  # of `make reproduce` on two cores, without the installation; README says the same
@@ -65,16 +65,14 @@ def draw_flow():
 
 
 def scorecard(claims: pd.DataFrame):
-    """Headline claims, a row each, styled: the paper's numbers, those of the estimator that decides, the
+    """Headline claims, a row each, styled: rule, numbers of the paper and of the estimator that decides, and
     verdict; ``claims`` as `claims.claims`."""
     rows = claims.set_index("key").loc[list(HEADLINES)]
     columns = {name: estimator for estimator, name in ESTIMATORS.items()}
     ours = [row[columns[row.decides]] for _, row in rows.iterrows()]
-    about = rows.numbers.where(rows.numbers != "in words", "").map(
-        lambda t: f"<br><small>{t}</small>" if t else ""
-    )
+    numbers = ("Numbers: " + rows.numbers + ". ").mask(rows.numbers == "in words", "")
     table = pd.DataFrame({
-        "claim": rows.index.map(HEADLINES) + about, "paper": rows.paper, "here": ours,
+        "claim": rows.index.map(HEADLINES) + rules(rows, numbers), "paper": rows.paper, "here": ours,
         "verdict": "<b>" + rows.verdict + "</b>",
     })  # fmt: skip
     return sentence_table(table.map(lambda text: text.replace(" | ", " and ")))

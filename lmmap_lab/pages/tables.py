@@ -11,6 +11,8 @@ import pandas as pd
 
 from lmmap.recordings.columns import TABLE
 
+from ..studies.verdicts import FAILS, HOLDS, PARTLY
+
 STATISTICS = ("median", "in_fov", "rmse", "all")
 WORDS = {  # what a table calls a metric and its statistic
     ("position_error_m", "median"): "position (mm)",
@@ -141,10 +143,17 @@ def sentence_table(table: pd.DataFrame):
     return table.style.hide().set_table_attributes('class="sentences"')
 
 
-def claim_table(claims: pd.DataFrame, told, columns: Mapping[str, pd.Series]):
-    """A `sentence_table` of claims of the paper: behind each, in small print, what it is about, then what
-    else is ``told`` of it, and short ``columns``."""
-    words = claims.claim + " <small>(" + claims.part + ")</small>" + told
+def rules(claims: pd.DataFrame, numbers: pd.Series | str = "") -> pd.Series:
+    """In small print, what a claim's ``numbers`` are and the rule of its verdict, or why there is none."""
+    judged = claims.verdict.isin([HOLDS, PARTLY, FAILS]).map({True: "Holds if: ", False: "No verdict: "})
+    reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
+    return "<br><small>" + numbers + judged + reasons + "</small>"
+
+
+def claim_table(claims: pd.DataFrame, numbers: pd.Series | str, columns: Mapping[str, pd.Series]):
+    """A `sentence_table` of claims of the paper, each with what it is about and its `rules` in small print,
+    and short ``columns``."""
+    words = claims.claim + " <small>(" + claims.part + ")</small>" + rules(claims, numbers)
     table = sentence_table(pd.DataFrame({"the paper's words": words, **columns}))
     return table.set_table_attributes('class="sentences claims"')
 

@@ -153,7 +153,7 @@ def _spikes():
         "spikes",
         "future work",
         {"ours": (f"{best:.0f} % | {ordinary:.0f} %", TRIED)},
-        "no claim of a result, and so no verdict; the best of our spiking networks on whole windows",
+        "the paper claims no result; right poses on whole windows, our best spiking network | the ordinary",
     )
 
 
@@ -169,5 +169,5 @@ def _without_labels():
         "gap_without_labels",
         "not asked",
         {"ours": (text, ASKED)},
-        "no sentence of the paper, and so no verdict; the last part of the test judges, and taught nothing",
+        "no sentence of the paper; tested on the last part of the test, which taught nothing",
     )

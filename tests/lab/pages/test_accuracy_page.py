@@ -63,7 +63,7 @@ def test_verdicts_stand_by_estimator_and_the_one_that_decides_is_bold():
     table = accuracy_page.verdict_table(
         pd.DataFrame([row("not_hdr", "1 | 2", cells, "rule", decides="ours")])
     ).data
-    assert table["the paper's words"][0].endswith(" <small>(cause)</small>")
+    assert table["the paper's words"][0].endswith("(cause)</small><br><small>Holds if: rule</small>")
     assert table[["as printed", "printed formula", "ours"]].iloc[0].tolist() == ["", "partly", "<b>holds</b>"]
 
 
