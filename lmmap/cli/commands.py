@@ -16,7 +16,7 @@ EXAMPLES = """examples:
   lmmap info run.aedat4
   lmmap estimate run.aedat4 --modality event -o poses.csv
   lmmap draw run.aedat4 poses.csv --modality event -o overlay.mp4
-'lmmap COMMAND --help' has more of them.
+'lmmap COMMAND --help' shows more.
 """
 
 
@@ -93,7 +93,7 @@ class Commands:
         self.complete_files, self._heading = complete_files, OWN
         self.parser = Parser(
             "lmmap",
-            description="Pose of the LM-MAP docking port from an RGB or event camera.",
+            description="Estimate the pose of the LM-MAP docking port from an RGB or event camera.",
             epilog=EXAMPLES,
             formatter_class=_Listing,
         )
@@ -144,20 +144,18 @@ class Commands:
 
     def add_output(self, command, text: str, **options) -> None:
         self.add_file(command, "-o", "--output", help=text, **options)
-        command.add_argument("--overwrite", action="store_true", help="replace an output that exists")
+        command.add_argument("--overwrite", action="store_true", help="replace an existing output")
 
     def add_recording(self, command, **options) -> None:
         """Add the arguments that open a recording of any format."""
         text = "AEDAT4, RAW, DAT, ES, HDF5, ROS 1 or 2 bag, text, CSV, npy, video, image, folder of images"
         self.add_file(command, "recording", **({"metavar": None, "help": text} | options))
-        text = ("calibration: our JSON, or of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP (FILE:NAME of "
-                "several cameras); or a sensor and its nominal lens, such as evk4:8mm")  # fmt: skip
+        text = ("calibration: our JSON or a file of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP (FILE:NAME "
+                "picks one camera); or a sensor and its nominal lens, such as evk4:8mm")  # fmt: skip
         self.add_file(command, "--camera", help=text)
-        text = "pictures a second, of a folder without timestamps.txt"
+        text = "pictures per second in a folder without timestamps.txt"
         command.add_argument("--fps", type=float, metavar="HZ", help=text)
-        text = (
-            "unit of times that do not state it: of events in text, CSV, npy or HDF5, of a folder's pictures"
-        )
+        text = "unit of times if the file states none: events in text, CSV, npy or HDF5, pictures in a folder"
         command.add_argument("--time-unit", choices=TIME_UNITS, help=text)
-        text = "which of several cameras: in AEDAT4 a stream's number, in HDF5 a group, as davis/right"
+        text = "which of several cameras: a stream's number in AEDAT4, a group such as davis/right in HDF5"
         command.add_argument("--stream", metavar="NAME", help=text)

@@ -26,7 +26,7 @@ DATASET = """examples:
   lmmap dataset check recordings    which of its bags are in a folder, and whether they can be used
 """
 PICTURES = """examples:
-  lmmap pictures paper.pdf -o drawn                   its pictures, each through several focal lengths
+  lmmap pictures paper.pdf -o drawn                   its pictures, each at several focal lengths
   lmmap pictures photos -o drawn --modality rgb
 """
 CALIBRATE = """examples:
@@ -42,15 +42,15 @@ PRINT = """examples:
   lmmap print --ruler 97.5 -o port.json           the port, if 100 mm of the ruler came out as 97.5
 """
 EXPORT = """examples:
-  lmmap export robust -o onnx       four networks, and lmmap.json with all else that an integrator needs
+  lmmap export robust -o onnx       four networks, and lmmap.json with all else that a program needs
 """
 
 
 def adapt(commands: Commands) -> None:
-    text = "let the mask networks learn the place that a recording shows, without any truth"
+    text = "let the mask networks learn the place that a recording shows, without ground truth"
     command = commands.add("adapt", "lmmap_lab.cli.adapting:run", text, ADAPT)
     commands.add_recording(command)
-    text = "cameras whose poses teach, and whose networks learn (default: both)"
+    text = "cameras to learn from and to adapt (default: both)"
     command.add_argument("--modality", choices=(*MODALITIES, "both"), default="both", help=text)
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
     text = f"set of mask networks to begin with (default: {DEFAULT_WEIGHTS})"
@@ -60,10 +60,10 @@ def adapt(commands: Commands) -> None:
     networks.add_argument("--weights", metavar="FOLDER", help=text)
     text = "learn from this many seconds of the recording (default: all)"
     command.add_argument("--seconds", type=float, help=text)
-    text = "of each network (default: %(default)s)"
+    text = "training steps for each network (default: %(default)s)"
     command.add_argument("--steps", type=int, default=ADAPT_STEPS, help=text)
-    command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
-    text = "folder for the networks, which --weights takes; the same call goes on with it"
+    command.add_argument("--seed", type=int, default=0, help="seed of the random numbers (default: 0)")
+    text = "folder for the networks, to pass to --weights; the same call continues an interrupted one"
     commands.add_file(command, "-o", "--output", metavar="FOLDER", required=True, help=text)
     command.add_argument("--json", action="store_true", help="print the outcome as JSON")
 
@@ -75,7 +75,7 @@ def simulate(commands: Commands) -> None:
     text = "write stand-ins for the authors' bags into this folder instead"
     commands.add_file(command, "--as-published", metavar="FOLDER", help=text)
     command.add_argument("--seconds", type=float, help="length of each sequence (default: the profile's)")
-    profile, text = os.environ.get("PROFILE", "quick"), "decides the default lengths"
+    profile, text = os.environ.get("PROFILE", "quick"), "sets the default lengths"
     command.add_argument("--profile", choices=PROFILES, default=profile, help=text)
     commands.add_file(command, "--camera", help="calibration of another camera, distortion included")
     command.add_argument("--jobs", type=int, default=1, help="how many sequences to simulate at once")
@@ -85,18 +85,18 @@ def simulate(commands: Commands) -> None:
 
 
 def photometry(commands: Commands) -> None:
-    text = "calibrate exposure and lamps to the paper's saturation rows"
+    text = "calibrate exposure and lamps to the paper's saturation figures"
     command = commands.add("photometry", "lmmap_lab.cli.bench:calibrate_lamps", text)
     commands.add_output(command, "JSON file for the result and its provenance")
 
 
 def train(commands: Commands) -> None:
-    text = "train the mask networks; an interrupted run goes on"
+    text = "train the mask networks, or continue an interrupted training"
     command = commands.add("train", "lmmap_lab.cli.bench:train", text)
-    command.add_argument("--filter", choices=FILTERS, help="which of the two (default: both)")
+    command.add_argument("--filter", choices=FILTERS, help="which of the two networks (default: both)")
     command.add_argument("--modality", choices=MODALITIES, help="which images (default: both)")
     commands.add_networks(command, "which set of networks (default: all)")
-    command.add_argument("--seed", type=int, default=0, help="of the random draws (default: 0)")
+    command.add_argument("--seed", type=int, default=0, help="seed of the random numbers (default: 0)")
     command.add_argument("--steps", type=int, help="default: the shipped weights' (with --data 2000)")
     command.add_argument(
         "--start-from", type=present_set, choices=SETS, help="weights to begin with (default: none)"
@@ -107,9 +107,9 @@ def train(commands: Commands) -> None:
 def export(commands: Commands) -> None:
     text = "write mask networks in ONNX, for other runtimes; needs onnx"
     command = commands.add("export", "lmmap_lab.cli.export:export", text, EXPORT)
-    text = f"a shipped set ({', '.join(SETS)}), or a folder with files named as those of lmmap"
+    text = f"a shipped set ({', '.join(SETS)}), or a folder with files named like those of lmmap"
     command.add_argument("weights", metavar="WEIGHTS", help=text)
-    commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="a folder to make")
+    commands.add_file(command, "-o", "--output", required=True, metavar="FOLDER", help="folder to make")
 
 
 def print(commands: Commands) -> None:  # an entry point has its command's name
@@ -117,9 +117,9 @@ def print(commands: Commands) -> None:  # an entry point has its command's name
     command = commands.add("print", "lmmap_lab.cli.paper_port:print_port", text, PRINT)
     command.add_argument("--paper", choices=PAPERS, default="a4", help="default: a4")
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
-    text = "of the sheets to the port (default: 1)"
+    text = "size of the sheets relative to the port (default: 1)"
     command.add_argument("--scale", type=float, default=1.0, metavar="S", help=text)
-    text = "write the port as the printer made it: what its 100 mm ruler measures"
+    text = "measured length of the printed 100 mm ruler: write the port at this size"
     command.add_argument("--ruler", type=float, metavar="MM", help=text)
     commands.add_output(command, "PDF to write; with --ruler the port's JSON", required=True)
 
@@ -127,11 +127,11 @@ def print(commands: Commands) -> None:  # an entry point has its command's name
 def reproduce(commands: Commands) -> None:
     text = "regenerate every result of the book"
     command = commands.add("reproduce", "lmmap_lab.cli.bench:reproduce", text)
-    text = "decides the sequences' lengths"
+    text = "sets the length of the sequences"
     command.add_argument("--profile", choices=PROFILES, default="quick", help=text)
-    text = "sequences at once; 12 GB each in the paper profile"
+    text = "sequences to compute at once; 12 GB each in the paper profile"
     command.add_argument("--jobs", type=int, default=1, help=text)
-    text = "keep a sequence's packed results where they are still valid"
+    text = "keep packed results of sequences that are still valid"
     command.add_argument("--go-on", action="store_true", help=text)
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
     text = "with --data: the default networks also learn the laboratory by themselves, and are tested"
@@ -139,13 +139,15 @@ def reproduce(commands: Commands) -> None:
 
 
 def check(commands: Commands) -> None:
-    text = "compare results and pages with the committed ones"
+    text = "compare results and pages with the committed reference"
     command = commands.add("check", "lmmap_lab.cli.bench:check", text)
     does = command.add_mutually_exclusive_group()
-    does.add_argument("--update", action="store_true", help="make the present ones the reference")
-    text = "make a sample of each packed result of earlier code anew; if it is equal, they are of this code"
+    does.add_argument(
+        "--update", action="store_true", help="make the present results and pages the reference"
+    )
+    text = "recompute a sample of each packed result of earlier code; if it is equal, keep the result"
     does.add_argument("--carry", action="store_true", help=text)
-    text = "with --carry: compare with a checkout of the code that made them, on whatever processor"
+    text = "with --carry: compare with a checkout of the code that made the results, on any processor"
     commands.add_file(command, "--beside", metavar="CHECKOUT", help=text)
 
 
@@ -158,7 +160,7 @@ def odometry(commands: Commands) -> None:
     commands.add_recording(command)
     commands.add_file(command, "folder", metavar="DIR")
     command.add_argument("--overwrite", action="store_true", help="write into a folder that holds files")
-    text = "relative errors of a TUM trajectory, scale aligned on its first 40 poses"
+    text = "print the relative errors of a TUM trajectory, scaled by its first 40 poses"
     command = actions.add_parser("score", help=text, description=text)
     command.set_defaults(run="lmmap_lab.studies.odometry_files:score_command")
     text = "TUM file: t x y z qx qy qz qw, seconds and metres"
@@ -169,29 +171,31 @@ def odometry(commands: Commands) -> None:
 
 
 def dataset(commands: Commands) -> None:
-    text = "the authors' published recordings: where, and what is here"
+    text = "say where the authors published their recordings, or check a copy"
     command = commands.add("dataset", "lmmap_lab.cli.authors:dataset", text, DATASET)
-    command.add_argument("do", nargs="?", choices=("check",), help="default: say what the data set is")
+    command.add_argument(
+        "do", nargs="?", choices=("check",), help="check a copy (default: describe the data set)"
+    )
     commands.add_file(command, "folder", nargs="?", metavar=None, help="folder of bags to check")
     command.add_argument("--json", action="store_true", help="print JSON")
 
 
 def calibrate(commands: Commands) -> None:
-    text = "find the port on the arm, the ring's radius and the camera from bags as published"
+    text = "calibrate the port's mounting on the arm, the ring's radius and the camera from the authors' bags"
     command = commands.add("calibrate", "lmmap_lab.cli.authors:calibrate", text, CALIBRATE)
-    text = "bags to calibrate from; not one that you will test on"
+    text = "bags to calibrate from, none of which you test on"
     commands.add_file(command, "bags", nargs="+", metavar="BAG", help=text)
     command.add_argument("--modality", choices=MODALITIES, default="rgb", help="default: rgb")
-    text = "detections a second (default: 5)"
+    text = "detections per second (default: 5)"
     command.add_argument("--rate", type=float, default=5.0, metavar="HZ", help=text)
     commands.add_file(command, "--camera", help="calibration (default: camera.json beside the bag)")
-    text = "hand-eye calibration in YAML (default: sought beside the bag)"
+    text = "hand-eye calibration in YAML (default: the one beside the bag)"
     commands.add_file(command, "--hand-eye", help=text)
-    text = "estimate the camera's place too, whatever a file says"
+    text = "also estimate where the camera stands, whatever a file says"
     command.add_argument("--free", action="store_true", help=text)
     command.add_argument("--base", metavar="FRAME", help="the arm's base in /tf")
     command.add_argument("--effector", metavar="FRAME", help="the arm's other end in /tf")
-    text = "the camera rides on the arm, the port stands still"
+    text = "the camera is mounted on the arm, and the port stands still"
     command.add_argument("--on-arm", action="store_true", help=text)
     text = "inner corners of a checkerboard: calibrate the camera instead"
     command.add_argument("--board", metavar="CxR", help=text)
@@ -213,5 +217,5 @@ def pictures(commands: Commands) -> None:
     commands.add_file(command, "source", metavar="PDF-or-FOLDER", help="a PDF, or a folder of pictures")
     command.add_argument("--modality", choices=MODALITIES, help="frames or histograms (default: try both)")
     commands.add_file(command, "--port", help="geometry of another port (JSON)")
-    text = "folder for the drawings, one a picture and camera"
+    text = "folder for the drawings, one for each picture and camera"
     commands.add_output(command, text, required=True, metavar="FOLDER")
