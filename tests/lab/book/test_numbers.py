@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections import defaultdict
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -10,7 +12,7 @@ import pytest
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.pages import intro_page
-from lmmap_lab.provenance import DATA, ROOT, load_table
+from lmmap_lab.provenance import DATA, ROOT, load_json, load_table
 from lmmap_lab.studies import domain_gap, five_degrees_study, formula, sensitivity
 from lmmap_lab.studies.accuracy_run import COMMITTED
 from lmmap_lab.studies.five_degrees_fit import ASKEW, LITERAL, NOISE
@@ -163,15 +165,87 @@ def _rows(name: str, query: str, *keys: str) -> pd.DataFrame:
 
 
 PLACES = "set", "modality", "light"
-
-
-@pytest.mark.parametrize("one, other", [
+ONE_NUMBER = [
     (("wrong-poses", "weights == 'robust' and estimator == 'confident poses'", *PLACES),
      ("slim", "weights == 'robust' and light != 'all' and set != 'tuning'", *PLACES)),
     (("wrong-poses", "weights == 'robust' and estimator == 'confident poses'", *PLACES),
      ("turned", "looks == 'looks again'", *PLACES)),
     (("accuracy/default", "modality in ('rgb', 'event') and light != 'no port'", "light", "modality"),
      ("tracks-paper", "estimates == 'frame by frame'", "light", "camera")),
-])  # fmt: skip
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("one, other", ONE_NUMBER)
 def test_what_two_tables_measure_is_one_number(one, other):
     pd.testing.assert_frame_equal(_rows(*one), _rows(*other), check_dtype=False, rtol=1e-5)
+
+
+def test_two_studies_of_one_image_by_the_same_networks_have_one_answer():
+    """Before anything was learned: what is learned later depends on the seconds that taught."""
+    image = ["judged_on", "modality", "t_us"]
+    places, whole = (
+        pd.read_csv(DATA / "results" / "adaptation" / f"{name}-images.csv").query("when == 'before'")
+        for name in ("places", "whole")
+    )
+    both = places.drop_duplicates(image).merge(whole.drop_duplicates(image), on=image)
+    assert len(both) > 100
+    for answer in ("status", "confidence", "right", "wrong"):
+        pd.testing.assert_series_equal(both[f"{answer}_x"], both[f"{answer}_y"], check_names=False)
+
+
+def test_the_region_of_the_chosen_fusion_is_that_of_the_present_one():
+    choices, present = (
+        load_json(DATA / "results" / "fusion" / f"{name}.json") for name in ("choices", "present")
+    )
+    assert present["inside_95_percent"] == pytest.approx(choices["inside_95_percent"])
+
+
+COMPARED = {  # what the tests above compare
+    *(frozenset(name.split("/")[0] for name, *_ in pair) for pair in ONE_NUMBER),
+    frozenset({"adaptation/places-images", "adaptation/whole-images"}),
+    frozenset({"fusion/choices", "fusion/present"}),
+}
+NUMBER = re.compile(r"(?<![\w.:-])\d*\.\d+(?:e[-+]?\d+)?(?![\w.:])")
+
+
+def _digits(value: float) -> int:
+    return len(f"{value:.15g}".split("e")[0].replace(".", "").strip("0"))
+
+
+def _informative(values: np.ndarray) -> np.ndarray:
+    """Of numbers (N,), those with five digits, from zero and from one, that are no ratio of small counts."""
+    least = [min(_digits(v), _digits(round(abs(1 - v), 6))) for v in values]
+    values = values[np.array(least) >= 5] if len(values) else values
+    close, counts = np.array([6e-6 if _digits(v) <= 6 else 1e-10 for v in values]), np.arange(1, 150)
+    off = [np.abs(y - np.rint(y * counts) / counts) / y for y in (values[:, None], values[:, None] / 100)]
+    return values[(np.minimum(*off) > close[:, None]).all(axis=1)]
+
+
+def _measured() -> dict[str, set[float]]:
+    """Numbers by committed result; the accuracy study's tables, which one run writes, are one."""
+    numbers, folder = defaultdict(set), DATA / "results"
+    for path in [*folder.rglob("*.csv"), *folder.rglob("*.json")]:
+        if not path.name.endswith(".provenance.json"):
+            name = path.relative_to(folder).with_suffix("").as_posix()
+            found = np.array([*map(float, set(NUMBER.findall(path.read_text())))])
+            numbers["accuracy" if name.startswith("accuracy/") else name] |= set(_informative(found))
+    return numbers
+
+
+def test_no_number_stands_in_two_results_unless_a_test_compares_them():
+    """So none of the two can be old.  Of six digits a few agree by chance; one of more digits cannot."""
+    twice = set()
+    for one, other in combinations(sorted(numbers := _measured()), 2):
+        both = numbers[one] & numbers[other]
+        by_chance = len(numbers[one]) * len(numbers[other]) / 1e6
+        if len(both) > 3 + 3 * by_chance or any(_digits(value) > 8 for value in both):
+            twice.add(frozenset({one, other}))
+    assert twice <= COMPARED, twice - COMPARED
+    assert len(twice) >= 3, "or the rule sees nothing"
+
+
+def test_the_accuracy_tables_are_of_one_run():
+    """But for the claims, which a test computes again from the others."""
+    made = {path.name: json.loads(path.read_text()) for path in COMMITTED.glob("*.provenance.json")}
+    del made["claims.provenance.json"]
+    assert len(made) > 10 and len({(facts["commit"], facts["profile"]) for facts in made.values()}) == 1
