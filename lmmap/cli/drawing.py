@@ -29,7 +29,7 @@ def draw(a: Namespace) -> None:
                 bar.add(estimates[t_us])
     if not bar.images:
         raise InputError(
-            f"{a.poses}: none of its {len(estimates)} times is that of an image of {a.recording}; give the "
+            f"{a.poses}: none of its {len(estimates)} times matches an image of {a.recording}; give the "
             "--modality, --rate and --events that it was made with"
         )
     print(f"{a.output}: {bar.images} images, {bar.poses} with a pose")

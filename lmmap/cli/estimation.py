@@ -80,7 +80,7 @@ def estimate(a: Namespace) -> None:
             raise no_images(stream, modalities[-1], estimators[modalities[-1]].settings, a.rate)
     _report(a, journal, resumed, between)
     if stopped:
-        remedy = "" if a.track or bag else ", --resume goes on"
+        remedy = "" if a.track or bag else ", --resume continues"
         raise KeyboardInterrupt(f"{journal.kept_in} keeps what was estimated{remedy}")
 
 
@@ -97,7 +97,7 @@ def _check(a: Namespace):
         raise InputError(f"{a.output}: a {what} cannot be resumed; leave --resume out, and give --overwrite")
     if a.between is not None:
         if not a.track:
-            raise InputError("--between: a track is followed between its images; give --track as well")
+            raise InputError("--between: only a track can be followed between images; give --track as well")
         check_between(a)
         if bag or table_format(a) == "tum":
             raise InputError(f"{a.output}: this format cannot mark poses between images; name it .csv")

@@ -42,9 +42,9 @@ def live(a: Namespace) -> None:
     if a.between is not None:
         check_between(a)
     if a.seconds is not None and not 0 < a.seconds < 1e9:
-        raise InputError(f"--seconds {a.seconds:g}: give how long to go on, over 0 s, or leave it out")
+        raise InputError(f"--seconds {a.seconds:g}: give a time above 0 s, or leave it out")
     if not read_from(a):
-        leave_out(a, "live: no recording is named, so nothing is read by it", "fps", "time_unit", "stream")
+        leave_out(a, "live: no recording to which it applies", "fps", "time_unit", "stream")
     if not a.output:
         leave_out(a, "live: nothing is written without --output", "frame_id", "child_frame_id", "overwrite")
     else:

@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         try:
             if closed:
-                raise InputError("stdout: is closed, so nothing can be told; send it to a file or /dev/null")
+                raise InputError("stdout: is closed; redirect it to a file or /dev/null")
             with _notes():
                 return _run(argv)
         finally:

@@ -118,11 +118,11 @@ RGB = DRAWN, "--modality", "rgb"
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (("live", *RGB, "--seconds", "0"), "--seconds 0: give how long"),
-        (("live", *RGB, "--seconds", "nan"), "--seconds nan: give how long"),
+        (("live", *RGB, "--seconds", "0"), "--seconds 0: give a time above"),
+        (("live", *RGB, "--seconds", "nan"), "--seconds nan: give a time above"),
         (
             ("live", "--modality", "rgb", "--camera", "c.json", "--fps", "5"),
-            "no recording is named, so nothing is read by it; leave --fps out",
+            "no recording to which it applies; leave --fps out",
         ),
         (("info", "{}", "--fps", "0"), "--fps 0: give the pictures per second, over 0"),
         (("info", "n" * 300), "File name too long"),

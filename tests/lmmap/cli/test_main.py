@@ -99,7 +99,7 @@ def test_resuming_equals_an_unbroken_run(tmp_path, capsys, monkeypatch):
 
         monkeypatch.setattr(Journal, "add", interrupted)
         code, _, err = run(capsys, *argv, cut)
-        assert code == 130 and "--resume goes on" in err and "Traceback" not in err
+        assert code == 130 and "--resume continues" in err and "Traceback" not in err
         monkeypatch.undo()
         kept = cut.read_bytes()
         assert whole.read_bytes().startswith(kept) and kept.count(b"\n") in (2, 3)
@@ -170,7 +170,7 @@ def test_fused_poses_and_what_was_fused(tmp_path, capsys, monkeypatch):
     calls.clear()
     before = {path: path.read_bytes() for path in sorted(tmp_path.glob("whole*"))}
     code, _, err = run(capsys, *argv, whole, "--overwrite")
-    assert code == 130 and f"{whole}.lmmap-part keeps what was estimated, --resume goes on" in err
+    assert code == 130 and f"{whole}.lmmap-part keeps what was estimated, --resume continues" in err
     monkeypatch.undo()
     assert {path: path.read_bytes() for path in before} == before
     assert run(capsys, *argv, whole, "--resume")[0] == 0
