@@ -45,7 +45,9 @@ def snapshot(folder: Path, hashed: bool = False) -> dict[str, tuple]:
     return found
 
 
-def attempt(argv: list[str], folder: Path, *, own: str = "", names=(), given=(), **how) -> Outcome:
+def attempt(
+    argv: list[str], folder: Path, *, own: tuple[str, ...] = ("",), names=(), given=(), **how
+) -> Outcome:
     """Run a command, and say what is wrong with its answer or with what it did to the folder.
 
     Parameters
@@ -64,7 +66,7 @@ def attempt(argv: list[str], folder: Path, *, own: str = "", names=(), given=(),
     replaced = {n for n, (kind, _) in before.items() if may_change and n.startswith(own) and kind in REPLACED}
     lost = [n for n, what in before.items() if after.get(n) != what and n not in replaced]
     new = [n for n in after if n not in before]
-    stray = [n for n in new if Path(n).name.startswith(".") or (own and not n.startswith((own, "derived")))]
+    stray = [n for n in new if Path(n).name.startswith(".") or not n.startswith((*own, "derived"))]
     looked_at = {*a.used, "overwrite", "resume"}  # these, only where there is something
     ignored = {g.dest for g in given if a.code == 0} - looked_at
     if not (fault := a.fault):
@@ -98,5 +100,5 @@ def names_of(call: Call, action, *values: str) -> list[str]:
     ]
 
 
-def own_name(call: Call) -> str:
-    return Path(call.output or "out").name.partition(".")[0]
+def own_name(call: Call) -> tuple[str, ...]:
+    return (Path(call.output or "out").name.partition(".")[0],)

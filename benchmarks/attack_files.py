@@ -66,7 +66,7 @@ def run_thing(attack: Attack, folder: Path, rng) -> Outcome:
     call, action, (thing, over, _) = attack.call, attack.action, attack.how.partition(OVER)
     is_output, suffix = call.value(action) == call.output, Path(call.value(action) or "it.json").suffix
     value = ELSEWHERE.get(thing, "it") + suffix
-    own = value.partition("/")[0].partition(".")[0] if is_output else own_name(call)
+    own = own_name(call) + (value.partition("/")[0].partition(".")[0],) * is_output  # it may have several
     if thing == "read-only folder":
         folder.chmod(0o777)
         user_folder(folder / "locked", 0o555)

@@ -38,7 +38,7 @@ def run_directed(attack: Attack, folder: Path, rng) -> Outcome:
 
 def run_value(attack: Attack, folder: Path, rng) -> Outcome:
     call, action, value = attack.call, attack.action, ABSURD[attack.how]
-    own = "" if call.value(action) == call.output else own_name(call)
+    own = ("",) if call.value(action) == call.output else own_name(call)
     argv = call.argv((action, [value]))
     return attempt(argv, folder, own=own, names=names_of(call, action, value), given=[action])
 

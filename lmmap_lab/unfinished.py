@@ -21,9 +21,14 @@ def has_mark(path, mark: str) -> bool:
     return os.path.isfile(path) and regular_file(path, MAX_BYTES).read_bytes() == mark.encode()
 
 
+def is_own(folder) -> bool:
+    """Whether this name is free or a folder of ours has it."""
+    return not os.path.lexists(folder) or (not os.path.islink(folder) and os.path.isfile(Path(folder, MARK)))
+
+
 def check_own(folder) -> None:
     """`InputError` if something that is no folder of ours has this name."""
-    if os.path.lexists(folder) and (os.path.islink(folder) or not os.path.isfile(Path(folder, MARK))):
+    if not is_own(folder):
         raise InputError(f"{folder}: is not ours to replace; move it away, or give another output")
 
 

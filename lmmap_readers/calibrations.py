@@ -46,7 +46,7 @@ def read(text: str, path: Path, wanted: str, size_px=None, topics=()) -> dict:
         return document  # ours, with another name in it
     cameras = cameras_in(document)
     if wanted and wanted not in cameras:
-        raise ValueError(f"no camera {wanted:.30} among {', '.join(cameras):.100}")
+        raise ValueError(f"no camera {wanted!r:.30} among {', '.join(cameras):.100}")
     name, others = (wanted, []) if wanted else choose(cameras, size_px, topics)
     values = camera_fields(cameras[name], size_px)
     if part := region(cameras[name], size_px):

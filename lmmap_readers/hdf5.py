@@ -63,7 +63,7 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
 def _chosen(path: Path, groups: list[str], wanted: str | None) -> str | None:
     """The group of the camera to read; a warning names the others."""
     if wanted is not None and wanted not in groups:
-        raise ValueError(f"no camera {wanted:.30} in it (--stream); it has {', '.join(groups) or 'one'}")
+        raise ValueError(f"no camera {wanted!r:.30} in it (--stream); it has {', '.join(groups) or 'one'}")
     if groups[1:] and wanted is None:
         left = f"not {', '.join(groups[1:])}; choose with --stream"
         warnings.warn(f"{path}: taking {groups[0]}, {left}", stacklevel=7)

@@ -77,7 +77,7 @@ def _chosen(path: Path, streams: dict[int, _Stream], wanted: int | str | None) -
         wanted = int(wanted) if str(wanted).isdecimal() else wanted
     seen = {k: s for k, s in streams.items() if s.kind in ("EVTS", "FRME")}
     if wanted is not None and wanted not in seen:
-        raise ValueError(f"no events or frames in stream {wanted!s:.30}, but in {', '.join(map(str, seen))}")
+        raise ValueError(f"no events or frames in stream {wanted!r:.30}, but in {', '.join(map(str, seen))}")
     first = next(iter(seen), -1) if wanted is None else wanted
     used = {seen[k].kind: k for k in reversed(seen) if seen[k].camera == seen[first].camera}
     used |= {seen[first].kind: first} if seen else {}

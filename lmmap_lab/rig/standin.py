@@ -18,7 +18,7 @@ from lmmap.files import atomic, read_text, writes
 from lmmap.geometry.projection import bearings
 from lmmap.geometry.rotations import rotation_z
 from lmmap.types import EVENT, Camera, Estimate, InputError, Pose, Recording, Status, Trajectory
-from lmmap_lab.unfinished import remove_folder
+from lmmap_lab.unfinished import is_own, remove_folder
 from lmmap_readers.rig import Rig
 
 from ..bench import rosbag_writer, sequences
@@ -118,9 +118,10 @@ def write_set(folder, seconds: float, report=print) -> None:
     if not is_there(board):
         write_bag(simulate_checkerboard(Camera.davis346()), board)
     for name, stands_in in STAND_INS:
+        parts = (folder / name).with_suffix(".parts")
         if not is_there(folder / name):
-            parts = (folder / name).with_suffix(".parts")
             write_bag(sequences.simulate(stands_in, seconds, parts=parts), folder / name)
+        if is_own(parts):  # a run may have been killed once its bag was whole
             remove_folder(parts)
         report(f"{folder / name}: {stands_in}, {(folder / name).stat().st_size / 1e6:.0f} MB")
 

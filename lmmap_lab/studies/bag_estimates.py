@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from lmmap.disk import is_there
 from lmmap.estimation.estimates import estimate_images
 from lmmap.estimation.images import timed_images
 from lmmap.files import write_text, writes
@@ -119,7 +120,7 @@ def resumable_file(path: Path, bag: Path, *made_of) -> Path:
     mark, mark_path = _mark(path.name, bag, *made_of), path.with_suffix(".made-of")
     if os.path.lexists(path) and not mark_path.exists():
         raise InputError(f"{path}: is not ours to replace; move it away, or give another output")
-    if not has_mark(mark_path, mark):
+    if not (is_there(mark_path) and has_mark(mark_path, mark)):
         with writes(path):
             path.unlink(missing_ok=True)
         write_text(mark_path, mark)

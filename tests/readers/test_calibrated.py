@@ -1,5 +1,6 @@
 """Calibrations inside recordings, and recordings of several cameras."""
 
+import re
 import warnings
 
 import dv_processing as dv
@@ -202,8 +203,10 @@ def test_of_two_cameras_the_other_one_is_named_and_can_be_chosen(tmp_path, place
         assert open_recording(tmp_path / "e.h5", CAMERA).events["t_us"][0] == 0
     assert open_recording(tmp_path / "e.h5", CAMERA, stream=left).events["t_us"][0] == 0
     assert open_recording(tmp_path / "e.h5", CAMERA, stream=right).events["t_us"][0] == 1
-    with pytest.raises(InputError, match=f"no camera middle in it .--stream.; it has {left}, {right}"):
-        open_recording(tmp_path / "e.h5", CAMERA, stream="middle")
+    for name in ("middle", "two\nlines"):
+        said = f"no camera {name!r} in it (--stream); it has {left}, {right}"
+        with pytest.raises(InputError, match=re.escape(said)):
+            open_recording(tmp_path / "e.h5", CAMERA, stream=name)
 
 
 def test_an_hdf5_calibration_that_is_not_understood(tmp_path):
