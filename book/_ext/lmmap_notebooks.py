@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import jupytext
@@ -43,10 +44,11 @@ def _value(text: str):
 
 
 def readable(notebook, numbers: Mapping[str, object]):
-    """The notebook with its text as JupyterLab's own Markdown has it, equal in every build."""
-    figures = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.cells]
-    names = [figure["name"] for figure in figures if "name" in figure]
-    for k, (cell, figure) in enumerate(zip(notebook.cells, figures, strict=True)):
+    """The notebook with its text as JupyterLab's own Markdown has it, equal in every build; its figures have
+    the book's numbers."""
+    names = figure_names()
+    for k, cell in enumerate(notebook.cells):
+        figure = cell.metadata.get("mystnb", {}).get("figure", {})
         cell["id"] = f"cell-{k}"
         cell.metadata.pop("execution", None)  # its times
         if cell.cell_type == "markdown":
@@ -61,9 +63,7 @@ def readable(notebook, numbers: Mapping[str, object]):
 def plain(text: str, numbers: Mapping[str, object], figures: list[str]) -> str:
     """Text without the book's roles: numbers, figures, citations and names in words."""
     text = GLUE.sub(lambda m: shown(numbers[m[1]], m[2] or "") if m[1] in numbers else "…", text)
-    text = FIGURE.sub(
-        lambda m: f"Fig. {figures.index(m[1]) + 1}" if m[1] in figures else "a figure there", text
-    )
+    text = FIGURE.sub(lambda m: f"Fig. {figures.index(m[1]) + 1}", text)
     text = CITATION.sub(lambda m: f"({m[1].replace(',', '; ')})", text)
     text = LINK.sub(r"](\1.ipynb)", LABEL.sub("", text))
     return NAME.sub(r"`\1`", text)
@@ -80,6 +80,14 @@ def chapters() -> list[Path]:
     files = [toc["root"], *(c["file"] for part in toc["parts"] for c in part["chapters"])]
     pages = [ROOT / f"{name}.md" for name in files]
     return [page for page in pages if page.exists() and "{code-cell}" in page.read_text()]
+
+
+@cache
+def figure_names() -> list[str]:
+    """Names of the book's figures in its order, by which they are numbered."""
+    return [
+        name for page in chapters() for name in re.findall(r"^    name: (fig-\S+)$", page.read_text(), re.M)
+    ]
 
 
 def known_numbers(executed: Path) -> dict:

@@ -5,7 +5,7 @@ import re
 import jupytext
 import nbformat
 import pytest
-from lmmap_notebooks import chapters, glued_numbers, plain, readable
+from lmmap_notebooks import chapters, figure_names, glued_numbers, plain, readable
 
 ROLE = re.compile(r"\{[a-z:]+\}`")
 
@@ -27,6 +27,13 @@ def test_a_chapters_notebook_has_its_code_and_no_markup(page):
     assert not ROLE.search(text.replace("``", ""))
     after = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
     assert all(new.endswith(old) for old, new in zip(before, after, strict=True))
+
+
+def test_figures_are_numbered_through_the_book_and_not_anew_in_each_notebook():
+    notebooks = [readable(jupytext.read(page, fmt="md:myst"), {}) for page in chapters()]
+    sources = [cell.source for notebook in notebooks for cell in notebook.cells if cell.cell_type == "code"]
+    numbers = [int(n) for source in sources for n in re.findall(r"\A# Fig\. (\d+): ", source)]
+    assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) == len(figure_names()) > 50
 
 
 def test_glued_numbers_are_those_of_the_outputs():
