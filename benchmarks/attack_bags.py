@@ -12,7 +12,24 @@ import lz4.frame
 from backports import zstd
 
 
-def directed_bags(files: dict, folder: Path) -> None:
+class Files(dict[str, Path]):
+    """Paths in a folder by what they are called."""
+
+    def __init__(self, folder: Path):
+        self._in = folder
+
+    def path(self, name: str) -> Path:
+        """A new file's path."""
+        self[name] = self._in / name.replace(" ", "-")
+        return self[name]
+
+    def folder(self, name: str) -> Path:
+        """A new folder."""
+        self.path(name).mkdir()
+        return self[name]
+
+
+def directed_bags(files: Files) -> None:
     """Bags with one chunk that inflates beyond the limit, or claims to."""
 
     def fields(**values: bytes) -> bytes:
@@ -37,11 +54,10 @@ def directed_bags(files: dict, folder: Path) -> None:
         head = {"op": b"\x03", "index_pos": struct.pack("<Q", at + len(chunk) + len(index))}
         head |= {"conn_count": one, "chunk_count": one}
         header = record(b" " * (4096 - 8 - len(fields(**head))), **head)
-        files[name] = folder / name
-        files[name].write_bytes(b"#ROSBAG V2.0\n" + header + chunk + index + connection + info)
+        files.path(name).write_bytes(b"#ROSBAG V2.0\n" + header + chunk + index + connection + info)
 
 
-def directed_ros2(files: dict, folder: Path) -> None:
+def directed_ros2(files: Files) -> None:
     """Chunks, messages, files and columns that unpack to gigabytes, or an index that names a chunk often."""
     zeros = bytes(2**24)
     lz4_packer, zstd_packer = lz4.frame.LZ4FrameCompressor(), zstd.ZstdCompressor()
@@ -52,10 +68,8 @@ def directed_ros2(files: dict, folder: Path) -> None:
     bombs["lz4"] += lz4_packer.flush()
     for kind, bomb in bombs.items():
         for name, size in (("lie", 1000), ("promise", 2**31), ("absurd", 2**62)):
-            files[f"{name}-{kind}.mcap"] = folder / f"{name}-{kind}.mcap"
-            files[f"{name}-{kind}.mcap"].write_bytes(_mcap(bomb, kind, size))
-    files["repeated.mcap"] = folder / "repeated.mcap"
-    files["repeated.mcap"].write_bytes(_mcap(zstd.compress(bytes(2**27)), "zstd", 2**27, 500))
+            files.path(f"{name}-{kind}.mcap").write_bytes(_mcap(bomb, kind, size))
+    files.path("repeated.mcap").write_bytes(_mcap(zstd.compress(bytes(2**27)), "zstd", 2**27, 500))
     size = len(bombs["zstd"])
     message = b"\x05" + struct.pack("<QHIQQ", 22 + size, 1, 0, 1, 1) + bombs["zstd"]
     packed = {
@@ -63,17 +77,14 @@ def directed_ros2(files: dict, folder: Path) -> None:
         "packed messages": ("MESSAGE", _mcap(message, "", 31 + size)),
     }
     for name, (mode, content) in packed.items():
-        bag = files[name] = folder / name.replace(" ", "-")
-        bag.mkdir()
+        bag = files.folder(name)
         inside = "b.mcap.zstd" if mode == "FILE" else "b.mcap"
         (bag / inside).write_bytes(content)
         (bag / "metadata.yaml").write_text(_METADATA.format(mode=mode, name=inside))
-    bag = files["aliases"] = folder / "aliases"
-    bag.mkdir()
+    bag = files.folder("aliases")
     levels = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))
     (bag / "metadata.yaml").write_text("a0: &a0 [1]\n" + levels + "rosbag2_bagfile_information: *a9\n")
-    files["computed.db3"] = folder / "computed.db3"
-    with closing(sqlite3.connect(files["computed.db3"])) as database:
+    with closing(sqlite3.connect(files.path("computed.db3"))) as database:
         database.executescript(
             "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
             " offered_qos_profiles TEXT);"

@@ -99,7 +99,7 @@ class Settings(PaperSettings):
     # windows of events
     second_look_factor: float = 2.0  # times N, where N events show no sure pose; tuning/choose_look.py
 
-    # images whose ring is seen without a sure pose are looked at again; tuning/look_turned.py
+    # images whose ring is seen without a sure pose are looked at again; tuning/wrong_poses.py
     turned_look: bool = True  # by the mean mask of the image as it is and after half a turn
     sure_confidence: float = 0.95  # from here on one look is enough
     look_independence: float = 0.0  # of two looks that agree; tuning/calibrate_confidence.py

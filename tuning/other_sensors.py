@@ -31,10 +31,11 @@ from lmmap.geometry.port import in_view
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.rescale import outside_training
 from lmmap.settings import OURS
-from lmmap.types import EVENT, Camera, Ellipse, Port, Pose, Recording, Trajectory
+from lmmap.types import Camera, Ellipse, Port, Pose, Recording
 from lmmap_lab.bench import sequences
 from lmmap_lab.bench.laboratory import sequence
 from lmmap_lab.provenance import DATA, DERIVED_DATA, save_table
+from lmmap_lab.studies.between_images import kept_recording
 from lmmap_lab.studies.networks import set_hashes
 
 SEQUENCES = [f"realistic-{n}" for n in range(2101, 2125)]  # eight of each light
@@ -65,16 +66,9 @@ SENSORS = {
 
 
 def recorded(name: str, sensor: str) -> Recording:
-    """A short recording by a sensor, from the folder if it is there."""
-    path, camera = FOLDER / f"{name}.{_label(sensor)}.npz", SENSORS[sensor]
-    if not path.exists():
-        setup = sequences.Setup(frame_hz=FRAME_HZ)
-        made = sequences.simulate(name, SECONDS, camera=camera, setup=setup)
-        np.savez(path, events=made.events, frames=made.frames, ft=made.frames_t_us, tt=made.truth.t_us,
-                 R=made.truth.poses.rotation, p=made.truth.poses.position_m)  # fmt: skip
-    with np.load(path) as d:
-        truth = Trajectory(d["tt"], Pose(d["R"], d["p"]))
-        return Recording(name, camera, d["events"].view(EVENT), d["frames"], d["ft"], truth)
+    """A short recording by a sensor; made once."""
+    setup = sequences.Setup(frame_hz=FRAME_HZ)
+    return kept_recording(name, SECONDS, FOLDER / _label(sensor), setup, SENSORS[sensor])
 
 
 def true_pose(recording: Recording, t_us: int) -> Pose:

@@ -48,14 +48,8 @@ def dataset(a: Namespace) -> None:
             print("{:34}{:60}{}".format(*line))
         print("\nThen: lmmap dataset check FOLDER; lmmap calibrate BAG; make reproduce DATA=FOLDER")
         return
-    rows = list(
-        tqdm(
-            authors_bags.check_bags(a.folder),
-            "check",
-            total=len(authors_bags.list_bags(a.folder)),
-            disable=None,
-        )
-    )
+    count = len(authors_bags.list_bags(a.folder))
+    rows = list(tqdm(authors_bags.check_bags(a.folder), "check", count, disable=None))
     if a.json:
         print(json.dumps(rows, indent=1))
     else:

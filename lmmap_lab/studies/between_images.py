@@ -26,7 +26,7 @@ from lmmap.recordings.formats import open_recording
 from lmmap.recordings.pose_files import read_estimates, write_estimates
 from lmmap.settings import OURS, BetweenSettings
 from lmmap.tracking.between import Between
-from lmmap.types import Estimate, Port, Pose, Recording
+from lmmap.types import Camera, Estimate, Port, Pose, Recording
 
 from ..bench import sequences
 from ..bench.writers import write_recording
@@ -61,12 +61,13 @@ class Followed:
     updates: int
 
 
-def kept_recording(name: str, seconds: float, folder: Path, setup: sequences.Setup = SETUP) -> Recording:
+def kept_recording(name: str, seconds: float, folder: Path, setup: sequences.Setup = SETUP,
+                   camera: Camera | None = None) -> Recording:  # fmt: skip
     """A sequence of the bench, by default with events as fine as this study needs; made once."""
     path = folder / f"{name}.h5"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        write_recording(sequences.simulate(name, seconds, setup=setup), path)
+        write_recording(sequences.simulate(name, seconds, setup=setup, camera=camera), path)
     return open_recording(path)
 
 
