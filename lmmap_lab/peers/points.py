@@ -99,9 +99,11 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
 
 def heatmaps(points_px, shape: tuple[int, int]) -> np.ndarray:
     """Peaks of height 1 at points (K, S, 2), one heatmap a class, (K, H, W) f32."""
-    v, u = np.mgrid[: shape[0], : shape[1]]
-    away = (u - points_px[..., 0, None, None]) ** 2 + (v - points_px[..., 1, None, None]) ** 2
-    return np.exp(-np.nan_to_num(away, nan=np.inf) / (2 * PEAK_SIGMA_PX**2)).max(1).astype(np.float32)
+    across, down = (
+        np.exp(-((np.arange(n, dtype=np.float32) - at[..., None]) ** 2) / (2 * PEAK_SIGMA_PX**2))
+        for n, at in zip(shape[::-1], np.moveaxis(np.nan_to_num(points_px, nan=np.inf), -1, 0), strict=True)
+    )
+    return (down[..., :, None] * across[..., None, :]).max(1).astype(np.float32)
 
 
 def peaks(maps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -58,9 +58,9 @@ class PoseNet(nn.Module):
             return self.head(seen)
 
 
-def network(modality: str, width: int = SMALL) -> PoseNet:
+def network(modality: str, width: float = 1.0, channels: int = SMALL) -> PoseNet:
     """An untrained network."""
-    return PoseNet(CHANNELS[modality], width)
+    return PoseNet(CHANNELS[modality], round(width * channels))
 
 
 def rotations(columns: torch.Tensor) -> torch.Tensor:
@@ -134,13 +134,14 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
     directions."""
     while True:  # a port out of the image has no pose to learn
         index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
-        image = samples.image(index, events_of(recipe, rng)).astype(np.float32)
+        image = samples.image(index, events_of(recipe, rng))
         image, pose = rolled(image, samples.pose(index), angle_rad, mirror, camera)
         at = project(pose.position_m, camera)
         if np.all((at > 0) & (at < camera.size_px)):
             break
     mask = samples.mask(index).astype(np.float32)
     mask, _ = rolled(mask, pose, angle_rad, mirror, camera)
+    image = image.astype(np.float32)
     return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]), encode_pose(pose)
 
 

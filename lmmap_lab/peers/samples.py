@@ -50,10 +50,11 @@ def _make(name: str, folder: Path) -> Path:
 
 
 class PosedSamples(dataset.Samples):
-    """Samples as `make` writes them, with ``mask`` that of the ring; ``most`` of them, drawn by ``seed``."""
+    """Samples as `make` writes them; ``most`` of them, drawn by ``seed``."""
 
-    def __init__(self, names: list[str], modality: str, folder: Path, most: int | None = None, seed: int = 0):
-        super().__init__(names, "ring", modality, folder)
+    def __init__(self, names: list[str], filter_name: str, modality: str, folder: Path,
+                 most: int | None = None, seed: int = 0):  # fmt: skip
+        super().__init__(names, filter_name, modality, folder)
         if most is not None and most < len(self):
             chosen = np.random.default_rng(seed).permutation(len(self))[:most]
             self._places = [self._places[i] for i in sorted(chosen)]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -24,7 +25,11 @@ POSES = Pose.stack([sequence_motion(sequence(f"realistic-{n}"), np.array([3.0]))
 
 def drawn(T_cam_port: Pose) -> np.ndarray:
     """A dark frame with the ring and the markers in white."""
-    white = ideal_masks(T_cam_port, PORT, CAMERA).max(0)
+    return drawn_by(CAMERA, T_cam_port)
+
+
+def drawn_by(camera: Camera, T_cam_port: Pose) -> np.ndarray:
+    white = ideal_masks(T_cam_port, PORT, camera).max(0)
     return np.repeat((15 + 185 * white).astype(np.uint8)[..., None], 3, -1)
 
 
@@ -153,12 +158,15 @@ def test_a_peer_learns_goes_on_where_it_was_and_answers(drawn_samples, tmp_path,
 
 
 def _small(peer):
-    return {"pnp": lambda m: points.network(m, 1 / 8), "pose": lambda m: regression.network(m, 8)}[peer]
+    return {
+        "pnp": lambda m, width: points.network(m, 1 / 8),
+        "pose": lambda m, width: regression.network(m, 1 / 4),
+    }[peer]
 
 
 def test_fewer_images_are_a_part_of_all(drawn_samples):
     folder, names = drawn_samples
-    few = [samples.PosedSamples(names, "rgb", folder, 5, seed) for seed in (0, 0, 1)]
+    few = [samples.PosedSamples(names, "ring", "rgb", folder, 5, seed) for seed in (0, 0, 1)]
     places = [sample._places for sample in few]
     assert [len(p) for p in places] == [5, 5, 5]
     assert places[0] == places[1] != places[2]
@@ -172,10 +180,34 @@ def test_side_by_side(drawn_samples):
         "geometry": geometry.estimator("rgb"),
         "never": lambda image, t_us=0: Estimate(t_us, Status.NO_RING),
     }
-    table, limits = study.compare([recording], "rgb", makes, report=lambda line: None)
+    found = study.answered([recording], "rgb", makes)
+    table = study.side_by_side(found)
     never = table.set_index("method").loc["never"]
     assert never.none_percent == 100
-    assert never.parameters == 0
-    shares = table[list(study.SHARES)].sum(axis=1)
-    assert np.allclose(shares, 100)
-    assert set(limits.method) == set(makes)
+    assert np.allclose(table[list(study.SHARES)].sum(axis=1), 100)
+    costs = study.cost(makes, frames[0]).set_index("method")
+    assert (costs.parameters == 0).all() and (costs.ms_1 > costs.ms_1["never"]).geometry
+
+
+def test_a_limit_allows_as_many_wrong_poses_as_it_may():
+    t_us = np.arange(10)
+    table = pd.DataFrame({"t_us": t_us, "in_view": True})
+    known = pd.DataFrame({"t_us": t_us, "confidence": 0.9 - 0.1 * t_us[:10] / 2, "right": 1.0})
+    known.loc[[4, 7], "right"] = 0
+    known.loc[9, "right"] = np.nan
+    for most, least in ((0, 0.75), (10, 0.6), (20, 0.5)):
+        assert study.own_limit([table], [known], most) == pytest.approx(least)
+    assert study.own_limit([table], [known.assign(right=0.0)], 5) == 1.0
+
+
+def test_a_lens_that_no_network_saw_gives_the_same_image_to_the_networks():
+    longer = replace(CAMERA, fx_px=405.0, fy_px=405.0, distortion=(-0.1, 0.02, 0.0, 0.0))
+    seen = []
+    answer = train.LearnedEstimator("pnp", points.network("rgb", 1 / 8), "rgb", longer)
+    with pytest.MonkeyPatch.context() as patch:
+        given = lambda net, image, *rest: seen.append(image)  # noqa: E731
+        patch.setitem(train.PEERS, "pnp", train.PEERS["pnp"]._replace(answer=given))
+        assert answer(drawn_by(longer, POSES[0])).status == Status.NO_MARKERS
+    around = project_points(POSES[0], points.points_m(PORT), CAMERA).reshape(-1, 2)
+    (left, top), (right, bottom) = np.rint([around.min(0), around.max(0)]).astype(int)
+    assert np.abs(seen[0].astype(int) - drawn(POSES[0]))[top:bottom, left:right].mean() < 6
