@@ -5,31 +5,22 @@ Each public name is imported when it is first used, so that ``import lmmap`` is 
 
 import importlib
 
-_HOME = {
-    "Camera": "types",
-    "Ellipse": "types",
-    "Estimate": "types",
-    "InputError": "types",
-    "OURS": "settings",
-    "PAPER": "settings",
-    "Port": "types",
-    "Pose": "types",
-    "Recording": "types",
-    "Status": "types",
-    "Trajectory": "types",
-    "Estimator": "pipeline.estimator",
-    "PrintedEstimator": "pipeline.printed",
-    "Tracker": "tracking.tracker",
-    "circle": "pipeline.circle",
-    "draw": "drawing.overlay",
-    "ellipse": "pipeline.ellipse",
-    "estimate": "estimation.estimates",
-    "fuse": "tracking.fusion",
-    "histograms": "pipeline.histograms",
-    "open_recording": "recordings.formats",
-    "read_estimates": "recordings.pose_files",
-    "write_estimates": "recordings.pose_files",
+_OF_MODULES = {
+    "types": "Camera Ellipse Estimate InputError Port Pose Recording Status Trajectory",
+    "settings": "OURS PAPER",
+    "recordings.formats": "open_recording",
+    "recordings.pose_files": "read_estimates write_estimates",
+    "pipeline.histograms": "histograms",
+    "pipeline.ellipse": "ellipse",
+    "pipeline.circle": "circle",
+    "pipeline.estimator": "Estimator",
+    "pipeline.printed": "PrintedEstimator",
+    "tracking.tracker": "Tracker",
+    "tracking.fusion": "fuse",
+    "estimation.estimates": "estimate",
+    "drawing.overlay": "draw",
 }
+_HOME = {name: module for module, names in _OF_MODULES.items() for name in names.split()}
 __all__ = sorted(_HOME)
 
 

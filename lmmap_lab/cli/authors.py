@@ -70,10 +70,15 @@ def dataset(a: Namespace) -> None:
 
 def calibrate(a: Namespace) -> None:
     """A rig from bags, a camera from one of a checkerboard, or a port or a lens from a recording."""
+    of_rig = "hand_eye", "free", "base", "effector", "on_arm"
     if a.measure_port or a.focal:
+        what = "--port: measures a port" if a.measure_port else "--focal: measures a lens"
+        leave_out(a, f"{what}, not a rig", "board", "square", *of_rig)
+        check_rate("--rate", a.rate, "images")
         (measured_port.calibrate_port if a.measure_port else measured_lens.calibrate_lens)(a)
         return
     if a.board:
+        leave_out(a, "--board: calibrates a camera, no rig", "modality", "rate", *of_rig)
         calibrate_board(a)
         return
     leave_out(a, "calibrate: no --board is given", "square")
@@ -126,8 +131,6 @@ def describe(rig) -> str:
 
 def calibrate_board(a: Namespace) -> None:
     """Intrinsics from recordings of a checkerboard, by one camera."""
-    others = "modality", "rate", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "--board: calibrates a camera, no rig", *others)
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(
@@ -171,10 +174,7 @@ def _hand_eye(a: Namespace) -> HandEyeFile | None:
 
 def _ends(a: Namespace, path: Path, hand_eye: HandEyeFile | None) -> tuple[str, str]:
     """The arm's (root, tip) by the command line, else by the hand-eye file, else as a UR names them."""
-    if hand_eye:
-        base, effector = hand_eye.base, hand_eye.effector
-    else:
-        base, effector = tf.arm_ends(path)
+    base, effector = (hand_eye.base, hand_eye.effector) if hand_eye else tf.arm_ends(path)
     base, effector = a.base or base, a.effector or effector
     on_arm = a.on_arm or bool(hand_eye and hand_eye.on_arm)
     return (effector, base) if on_arm else (base, effector)

@@ -8,7 +8,6 @@ import warnings
 from argparse import Namespace
 from dataclasses import replace
 
-from lmmap.cli.inputs import check_rate, leave_out
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.settings import OURS
@@ -23,11 +22,8 @@ SIGMAS_95 = 1.96
 
 def calibrate_lens(a: Namespace) -> None:
     """A camera's file beside the clip, and what is known of it."""
-    others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "--focal: measures a lens, not a rig", *others)
     if len(a.bags) > 1 or a.modality != "rgb":
         raise InputError("--focal: measures from the frames of one recording; give one, and no --modality")
-    check_rate("--rate", a.rate, "images")
     path = a.bags[0]
     output = check_output(
         a.output or path.with_suffix(".camera.json"), [path, a.camera], overwrite=a.overwrite

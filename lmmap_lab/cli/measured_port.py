@@ -7,7 +7,7 @@ import warnings
 from argparse import Namespace
 from dataclasses import replace
 
-from lmmap.cli.inputs import check_rate, input_files, leave_out
+from lmmap.cli.inputs import input_files
 from lmmap.files import check_output
 from lmmap.recordings.formats import open_stream
 from lmmap.types import InputError, Port
@@ -21,13 +21,10 @@ PORT_FILE = "port.json"
 
 def calibrate_port(a: Namespace) -> None:
     """A port's file, and a table of what was measured."""
-    others = "board", "square", "hand_eye", "free", "base", "effector", "on_arm"
-    leave_out(a, "--port: measures a port, not a rig", *others)
     if len(a.bags) > 1:
         raise InputError(
             f"--port: measures from one recording, got {len(a.bags)}; give the one of most views"
         )
-    check_rate("--rate", a.rate, "images")
     path, standard = a.bags[0], Port.lm_map()
     output = check_output(a.output or path.parent / PORT_FILE, input_files(a), overwrite=a.overwrite)
     stream = open_stream(path, a.camera)
