@@ -28,7 +28,7 @@ FLOW = (
 )  # fmt: skip
 IN_A_ROW = 5
 HEADLINES = {  # claims of the paper by key, in short
-    "alike_low_gap": "Trained on film, frames and events are equally accurate",
+    "alike_low_gap": "Trained on film, frames and events are similarly accurate",
     "events_win": "Trained without film, events beat frames in high light",
     "events_generalise": "Events generalise better than frames",
     "normal_poor": "The normal is far less accurate than the position",

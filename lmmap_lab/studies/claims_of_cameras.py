@@ -56,7 +56,13 @@ def _modalities(table):
     won = {}
     for key, pair, lights, agrees, why in (
         ("alike_high_gap", high, LIGHTS[:2], _alike, factor),
-        ("events_win", high, LIGHTS[2:], _second_better, "significantly: the 95 % intervals are apart"),
+        (
+            "events_win",
+            high,
+            LIGHTS[2:],
+            _second_better,
+            "the error of events is smaller, and the 95 % intervals are apart",
+        ),
         ("alike_low_gap", low, LIGHTS, _alike, factor),
         ("events_either_gap", events, LIGHTS, _alike, factor),
         (
@@ -129,8 +135,8 @@ def _saturation(table, saturation):
         "saturation",
         paper,
         {"ours": (f"rank correlation over frames: {ours}", verdict(ranks.abs() < RANKED))},
-        f"three lights are too few to judge by, so the frames of each light are: no correlation is a rank "
-        f"correlation between -{RANKED:g} and {RANKED:g}",
+        f"over the frames of each light, the rank correlation is between -{RANKED:g} and {RANKED:g}; "
+        "partly: in some lights; three lights are too few to correlate",
     )
 
 

@@ -45,8 +45,8 @@ def _hard_cases(counts):
             key,
             reported,
             {"ours": (f"{rate['rgb']:.1f} | {rate['event']:.1f}", judged)},
-            f"blinded: an ellipse in under {BLIND_PERCENT:.0f} %, the other camera in over half; partly: in "
-            "less than half as many as the other",
+            f"the blinded camera has an ellipse in under {BLIND_PERCENT:.0f} % of its images, the other in "
+            "over half; partly: in less than half as many as the other",
         )
     yield _noise(float(stated["ellipse detection success, event", "slow motion"]))
     yield row(
@@ -89,7 +89,7 @@ def _false_detections(counts):
         "false_detections",
         "5 in more than 5000",
         {"ours": (f"{false} in {images}", judged)},
-        f"at most 1 in {1 / RARE:.0f}",
+        f"at most 1 image in {1 / RARE:.0f} has a pose",
     )
 
 
@@ -113,7 +113,7 @@ def _odometry():
                 verdict(percent < 100 - OFTEN_PERCENT),
             )
         },
-        f"numerous: no pose in over {OFTEN_PERCENT:.0f} % of the images",
+        f"over {OFTEN_PERCENT:.0f} % of the images have no pose",
     )
     yield row(
         "odometry_high_light",
@@ -132,15 +132,15 @@ def _odometry():
         "in a figure",
         {"ours": ("; ".join(f"{low_mm[s]:.0f} | {ours_mm[s]:.0f}" for s in names),
                   verdict([low_mm[s] <= ALIKE * ours_mm[s] for s in names]))},
-        "similar, as elsewhere: the lower quartile of the best odometry, read as the boundary of its box, "
-        f"is at most {ALIKE:g} times the median of our worse camera; partly: on one of the two sequences",
+        "the lower quartile of the best odometry, read as the boundary of its box, "
+        f"is at most {ALIKE:g} times the median of our worse camera; partly: on one of the sequences",
     )  # fmt: skip
     yield row(
         "odometry_not_enough",
         "in words",
         {"ours": ("; ".join(f"{middle_mm[s]:.0f}" for s in names),
                   verdict([middle_mm[s] > ENOUGH_MM for s in names]))},
-        f"even the best one's median relative error is over {ENOUGH_MM:.0f} mm, a limit of ours",
+        f"the best one's median relative error is over {ENOUGH_MM:.0f} mm, a limit of ours",
     )  # fmt: skip
 
 

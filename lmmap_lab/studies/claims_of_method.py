@@ -142,7 +142,7 @@ def _networks():
         "parameters",
         f"{stated:,.0f}",
         {"ours": (" | ".join(f"{count:,}" for count in counts), verdict(near))},
-        f"around: within {100 * AROUND:.0f} %; the paper leaves the widths open, ours were chosen for this",
+        f"within {100 * AROUND:.0f} % of it; the paper leaves the widths open, ours were chosen for this",
     )
 
 
