@@ -18,6 +18,8 @@ import numpy as np
 import pandas as pd
 import wrong_poses
 from choose_thresholds import right
+from scipy.optimize import minimize
+from scipy.special import logsumexp
 
 from lmmap.evaluation.pose_errors import normal_error_rad, position_error_m
 from lmmap.geometry.markers import polar_template
@@ -86,21 +88,16 @@ def near_truth(pair, truth, normal_rad) -> np.ndarray:
     return (np.abs(off_rad) <= NEAR_RAD) & alike[:, None]
 
 
-def multinomial_fit(features, true, ridge: float = RIDGE, steps: int = 40) -> np.ndarray:
+def multinomial_fit(features, true, ridge: float = RIDGE) -> np.ndarray:
     """Weights (K,) of greatest penalised likelihood, of choices (N, M, K) of which some are true (N, M)."""
     scale = features.std((0, 1))
-    x, w = features / scale, np.zeros(features.shape[-1])
-    for _ in range(steps):
+    x = features / scale
+
+    def cost(w):
         z = x @ w
-        p = np.exp(z - z.max(1, keepdims=True))
-        p /= p.sum(1, keepdims=True)
-        q = np.where(true, p, 0)
-        q /= np.maximum(q.sum(1, keepdims=True), 1e-300)
-        mean = np.einsum("nm,nmk->nk", p, x)
-        gradient = (np.einsum("nm,nmk->nk", q, x) - mean).sum(0) - ridge * w
-        hessian = np.einsum("nm,nmk,nml->kl", p, x, x) - mean.T @ mean + ridge * np.eye(len(w))
-        w = w + 0.7 * np.linalg.solve(hessian, gradient)
-    return w / scale
+        return np.sum(logsumexp(z, 1) - logsumexp(z, 1, b=true)) + ridge * w @ w / 2
+
+    return minimize(cost, np.zeros(len(scale))).x / scale
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 from ..studies.five_degrees_fit import ASKEW, FOUR, LITERAL, NOISE, OUTLYING, Fit, paper_cells
 from .drawings import COLOUR
 from .port_fit import draw_outline
-from .tables import CAMERAS
+from .tables import CAMERAS, with_ends
 
 STYLES = {  # of a hypothesis: its words, colour and mark
     NOISE: ("noise alone", "rival", "o"), LITERAL: ("printed formula, any lens", "paper", "s"),
@@ -66,7 +66,7 @@ def misfit_table(study: pd.DataFrame):
     table = pd.DataFrame({
         "hypothesis": rows.hypothesis.str.replace("printed", "printed formula"),
         "free": rows.free,
-        "misfit": [f"{m:.3f} ({low:.3f} to {high:.3f})" for m, low, high
+        "misfit": [with_ends(*ends, ".3f") for ends
                    in zip(rows.misfit, rows.misfit_low, rows.misfit_high, strict=True)],
         "ν/Z": [f"{v:.3f}" for v in rows.nu_over_z],
         "misaligned (°)": [f"{v:.1f}" if v else "" for v in rows.misaligned_deg],

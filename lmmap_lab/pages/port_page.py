@@ -11,6 +11,7 @@ from .drawings import COLOUR
 
 MM = 1e3
 RING, MARKER, PLATE = COLOUR["rgb"], COLOUR["event"], COLOUR["ink"]
+SCALE = {"ylim": (-120, 100), "aspect": "equal"}  # of both views
 
 
 def draw_front(ax, port: Port) -> None:
@@ -24,8 +25,7 @@ def draw_front(ax, port: Port) -> None:
     for corners_mm in windows_mm:
         ax.add_patch(Polygon(corners_mm, fill=False, color=PLATE))
     if len(windows_mm):
-        ax.annotate("window", windows_mm[-1].mean(0), (78, -98), color=PLATE, ha="center",
-                    arrowprops={"arrowstyle": "-", "color": PLATE})  # fmt: skip
+        _name(ax, "window", windows_mm[-1].mean(0), (78, -98))
     for k, corners_m in enumerate(port.marker_corners_m()):
         ax.add_patch(Polygon(corners_m[:, :2] * MM, color=MARKER, alpha=0.75, lw=0))
         off_axis_mm = corners_m[[1, 2, 2, 3], :2].mean(0) * MM
@@ -36,20 +36,9 @@ def draw_front(ax, port: Port) -> None:
     end_mm = port.ring_radius_m * MM * np.array([np.cos(np.deg2rad(215)), np.sin(np.deg2rad(215))])
     ax.annotate("", end_mm, (0, 0), arrowprops={"arrowstyle": "<->", "color": RING})
     ax.annotate("ν", 0.78 * end_mm + [-5, 4], color=RING, ha="center")
-    ax.annotate(
-        "ring", (0, -86), (0, -112), color=RING, ha="center", arrowprops={"arrowstyle": "-", "color": RING}
-    )
-    ax.annotate(
-        "plate", hexagon_mm[4] * 0.98, (38, -112), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE}
-    )
-    ax.set(
-        xlim=(-100, 100),
-        ylim=(-120, 100),
-        aspect="equal",
-        xlabel="x (mm)",
-        ylabel="y (mm)",
-        title="from the front",
-    )
+    _name(ax, "ring", (0, -86), (0, -112), RING)
+    _name(ax, "plate", hexagon_mm[4] * 0.98, (38, -112))
+    ax.set(xlim=(-100, 100), xlabel="x (mm)", ylabel="y (mm)", title="from the front", **SCALE)
 
 
 def draw_side(ax, port: Port) -> None:
@@ -83,21 +72,13 @@ def draw_side(ax, port: Port) -> None:
     ax.annotate("z, toward\nthe visitor", (80, -24), color=COLOUR["truth"], ha="center")
     ax.annotate("", (height_mm, -72), (0, -72), arrowprops={"arrowstyle": "<->", "color": PLATE})
     ax.annotate(f"{height_mm:.0f} mm", (height_mm / 2, -84), ha="center")
-    ax.annotate(
-        "petal",
-        (height_mm + 18, side_mm + 9),
-        (86, 86),
-        ha="center",
-        arrowprops={"arrowstyle": "-", "color": PLATE},
-    )
-    ax.annotate("marker 0", (height_mm + 1, middle_mm - 3), (88, 34), ha="center", color=MARKER,
-                arrowprops={"arrowstyle": "-", "color": MARKER})  # fmt: skip
-    ax.annotate("panel", (-13, -92), (12, -108), ha="center", arrowprops={"arrowstyle": "-", "color": PLATE})
-    ax.set(
-        xlim=(-30, 112),
-        ylim=(-120, 100),
-        aspect="equal",
-        xlabel="z (mm)",
-        ylabel="x (mm)",
-        title="from the side",
-    )
+    _name(ax, "petal", (height_mm + 18, side_mm + 9), (86, 86))
+    _name(ax, "marker 0", (height_mm + 1, middle_mm - 3), (88, 34), MARKER)
+    _name(ax, "panel", (-13, -92), (12, -108))
+    ax.set(xlim=(-30, 112), xlabel="z (mm)", ylabel="x (mm)", title="from the side", **SCALE)
+
+
+def _name(ax, text: str, at_mm, beside_mm, colour: str = PLATE) -> None:
+    """A name, with a line to what it names."""
+    line = {"arrowstyle": "-", "color": colour}
+    ax.annotate(text, at_mm, beside_mm, color=colour, ha="center", arrowprops=line)

@@ -15,6 +15,7 @@ from lmmap.types import Recording
 from ..studies import spikes
 from ..training.spiking import SpikingNet, activations, sliced
 from .drawings import COLOUR, draw_intervals
+from .tables import with_ends
 
 CROP_PX = 96
 STYLES = {  # colour and marker of a network; ordinary ones that take the whole histogram are lines
@@ -102,9 +103,8 @@ def outcome_table(rows: pd.DataFrame) -> pd.DataFrame:
     """Means of groups in words, each with its interval in brackets: a row a network, a column a group."""
 
     def text(row, measure: str) -> str:
-        digits = 2 if measure.startswith("iou") else 0
-        value, low, high = (row[measure + end] for end in ("", "_low", "_high"))
-        return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+        ends = (row[measure + end] for end in ("", "_low", "_high"))
+        return with_ends(*ends, ".2f" if measure.startswith("iou") else ".0f")
 
     measures = ("iou_ring", "right_percent", "wrong_percent")
     cells = [{"network": row["network"], "of": row["of"], "what": WORDS[m], "text": text(row, m)}

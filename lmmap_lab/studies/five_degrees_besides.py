@@ -14,9 +14,7 @@ def mixture(near, far, rmse: float) -> tuple[float, float, float]:
     share = np.clip((rmse**2 - square) / (far_square - square), 0, 1)
     values = np.r_[near, far]
     weights = np.repeat([(1 - share) / len(near), share / len(far)], [len(near), len(far)])
-    order = np.argsort(values)
-    below = np.cumsum(weights[order])
-    median = values[order[np.searchsorted(below, below[-1] / 2)]]
+    median = np.quantile(values, 0.5, weights=weights, method="inverted_cdf")
     return float(share), float(median), float(np.sqrt((1 - share) * square + share * far_square))
 
 
