@@ -101,7 +101,7 @@ book: env  ## build the book, making the results that are absent or old; warning
 
 check-book: $(ORACLES)  ## look at the built book in a browser: every page, narrow and wide, light and dark
 	@test -f _build/html/index.html || { echo "check-book: no book yet; make book first"; exit 1; }
-	@$(BIN)/python -m pytest -q -rs tests/check_book.py tests/check_cells.py
+	@$(PYTEST) -rs tests/check_book.py tests/check_cells.py
 
 pdf: book  ## print the book: _build/pdf/lmmap.pdf (needs Chromium)
 	@$(BIN)/python book/_ext/lmmap_print.py

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from lmmap.evaluation.error_table import errors
 from lmmap.settings import MODALITIES
 
 from ..studies import places
@@ -91,6 +92,29 @@ def carried_table(images: pd.DataFrame) -> pd.DataFrame:
         .rename(index=WORDS)
         .rename_axis(index=["taught by", "judged on"], columns=[None, None])
     )
+
+
+def before_and_after(recording, before, after, held_out: np.ndarray, port) -> pd.DataFrame:
+    """How many rings and poses are found in images that taught and in those that were held out, and how far
+    the poses are off.
+
+    Parameters
+    ----------
+    before, after : list of Look
+        Of the same images, by networks from before and by those that learned.
+    held_out : bool (N,)
+    """
+    rows = {}
+    for kind, chosen in (("taught", ~held_out), ("held out", held_out)):
+        for when, looks in (("before", before), ("after", after)):
+            estimates = [look.estimate for look, taken in zip(looks, chosen, strict=True) if taken]
+            off_mm = 1e3 * errors(recording, estimates, port).position_error_m
+            rows[kind, when] = {
+                "images": len(estimates), "rings": sum(e.ellipse is not None for e in estimates),
+                "poses": off_mm.notna().sum(), "position off by at most (mm)": off_mm.max(),
+            }  # fmt: skip
+    table = pd.DataFrame(rows).T
+    return table.style.format("{:.0f}", na_rep="")
 
 
 def draw_gap(table: pd.DataFrame):
