@@ -74,12 +74,18 @@ def temporary(path) -> Iterator[Path]:
             remove()
 
 
-def is_there(path) -> bool:
-    """Whether a finished file or folder is there; what a killed run left beside it is removed."""
-    if not os.path.lexists(path):
-        return False
+def tidy(path) -> None:
+    """Remove what a killed run left beside a file or folder of ours."""
     with temporary(path):
-        return True
+        pass
+
+
+def is_there(path) -> bool:
+    """Whether a finished file or folder is there, which is tidied then."""
+    there = os.path.lexists(path)
+    if there:
+        tidy(path)
+    return there
 
 
 @contextmanager

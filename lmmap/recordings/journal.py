@@ -10,6 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+from ..disk import tidy
 from ..files import check_output, is_special, lock, open_special, write_text, writes
 from ..marks import as_mark, check_mark
 from ..types import Estimate, InputError, Status
@@ -140,6 +141,9 @@ class Journal:
     def __enter__(self):
         with ExitStack() as held:
             held.enter_context(lock(self.path))
+            if self._made_of is not None and not is_special(self.path):
+                for kept_in in (self._part, self._target):
+                    tidy(_mark_of(kept_in))
             there = not is_special(self.path) and os.path.exists(self._part if self._resume else self.path)
             self.kept_in = self._part if there else self._target
             if self._resume and self.kept_in.is_file():

@@ -122,3 +122,20 @@ def test_what_is_no_file_stays_beside_the_output(tmp_path, name, make):
     with pytest.raises(InputError, match=refused), journal:
         journal.add(Estimate(1, Status.NO_RING))
     assert not (tmp_path / name).is_file() and (tmp_path / "p.csv").read_text() == "older"
+
+
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("older", [False, True])
+def test_what_kills_leave_beside_the_marks_goes_with_the_next_run(tmp_path, resume, older):
+    path = tmp_path / "out.csv"
+    if older:
+        with Journal(path, made_of={"of": 1}) as journal:
+            journal.add(some_estimates(1, 0)[0])
+    before = {p.name for p in tmp_path.iterdir()} | {"out.csv", "out.csv.made-of"}
+    for kept_in in ("out.csv", "out.csv.lmmap-part"):
+        (tmp_path / f".{kept_in}.made-of.writing").touch()
+        (tmp_path / f".{kept_in}.lmmap.made-of").touch()
+    with Journal(path, resume=resume, made_of={"of": 1}) as journal:
+        if not (older and resume):
+            journal.add(some_estimates(1, 0)[0])
+    assert {p.name for p in tmp_path.iterdir()} == before
