@@ -21,7 +21,7 @@ from lmmap_lab.adaptation import adapt as adapting
 from lmmap_lab.adaptation import learning, self_labels
 from lmmap_lab.training import batches
 
-STEPS = 200
+STEPS = 80
 FIRST = "slim"  # a quarter of the other sets' arithmetic
 NAMES = [weight_path(name, "rgb", "low").name for name in FILTERS]
 
@@ -103,7 +103,7 @@ def test_the_same_call_again_does_nothing_and_another_is_refused(learned, monkey
 
 def test_networks_that_go_on_learning_keep_the_first_ones(learned, tmp_path):
     adapt(places.recording(port=False), tmp_path / "none", weights=learned[0])
-    adapt(places.recording(), tmp_path / "more", weights=learned[0])
+    adapt(places.recording(), tmp_path / "more", weights=learned[0], steps=20)
     for folder in (tmp_path / "none", tmp_path / "more"):
         assert same_networks(folder / BEFORE)
         both = Estimator(places.CAMERA, PORT, "rgb", folder)

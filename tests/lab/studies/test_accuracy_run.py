@@ -1,6 +1,7 @@
 """The study on made-up estimates: it goes on where it stopped, ends, and has every table."""
 
 import re
+from functools import cache
 from shutil import copytree
 
 import numpy as np
@@ -52,21 +53,26 @@ class Estimates:
         if name == self.stop_at:
             raise KeyboardInterrupt
         self.made.append(name)
-        ellipse = Ellipse([170, 130], [40, 38], 0.1)
-        port, turn = recording.truth is not None, len(recording.name) % 3
-        off = OFF[turn:] + OFF[:turn]
-        estimates = [
-            Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD,
-                     confidence=0.95) if port
-            else Estimate(100_000 * k, Status.NO_RING)
-            for k in range(30)
-        ]  # fmt: skip
+        estimates, rungs = estimated(recording.name, recording.truth is not None)
         write_estimates(estimates, folder / f"estimates-{name}.csv")
         if recording.name.startswith("test"):
-            rungs = [dict.fromkeys(ladder.MEASURED, e) for e in estimates]
-            table = ladder.errors(recording, rungs, Port.lm_map())
-            table.to_csv(folder / f"ladder-{name}.csv", index=False)
+            rungs.to_csv(folder / f"ladder-{name}.csv", index=False)
         return estimates
+
+
+@cache
+def estimated(name: str, port: bool) -> tuple[list[Estimate], pd.DataFrame | None]:
+    """A sequence's estimates, and what the ladder has of them."""
+    ellipse, turn = Ellipse([170, 130], [40, 38], 0.1), len(name) % 3
+    off = OFF[turn:] + OFF[:turn]
+    estimates = [
+        Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD,
+                 confidence=0.95) if port
+        else Estimate(100_000 * k, Status.NO_RING)
+        for k in range(30)
+    ]  # fmt: skip
+    rungs = [dict.fromkeys(ladder.MEASURED, e) for e in estimates]
+    return estimates, ladder.errors(recorded(name, 3, None, None), rungs, Port.lm_map()) if port else None
 
 
 def perfect_masks(recording, gaps, modalities=None):
