@@ -13,7 +13,7 @@ from attack_calls import Call
 from attack_child import Answer, answer
 
 REPLACED = (stat.S_IFREG, stat.S_IFLNK)  # with --overwrite; no device, pipe or folder is
-OVER = ", overwritten"
+OVER, MARK = ", overwritten", ".made-of"
 Outcome = tuple[Answer, str]
 
 
@@ -64,6 +64,8 @@ def attempt(
     after = snapshot(folder)
     may_change = a.code == 0 and {"--overwrite", "--resume"} & {*argv}
     replaced = {n for n, (kind, _) in before.items() if may_change and n.startswith(own) and kind in REPLACED}
+    if a.code == 0:  # a mark beside an output is ours, and no older one may stand beside new lines
+        replaced |= {n for n in before if n.startswith(own) and n.endswith(MARK)}
     lost = [n for n, what in before.items() if after.get(n) != what and n not in replaced]
     new = [n for n in after if n not in before]
     stray = [n for n in new if Path(n).name.startswith(".") or not n.startswith((*own, "derived"))]
