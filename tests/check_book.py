@@ -225,6 +225,33 @@ def test_every_slider_has_a_name_and_answers_keys(page, site):
         assert first in steps and page.ask("document.querySelector('.steps input').labels.length") == 1
 
 
+@in_browser
+def test_the_steps_of_page_one_answer_keys_and_stand_side_by_side_on_paper_and_without_scripts(page, site):
+    shown = "[...document.querySelectorAll('.strip .step')].map(step => step.checkVisibility())"
+    page.show_as(420, 900)
+    page.open(site + "book/intro.html")
+    page.ask("document.querySelector('.strip input').focus()")
+    seen = [page.ask(shown)]
+    for kind in ("keyDown", "keyUp"):
+        page.send(
+            "Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight", windowsVirtualKeyCode=39
+        )
+    seen.append(page.ask(shown))
+    assert [steps.index(True) for steps in seen] == [0, 1] and [sum(steps) for steps in seen] == [1, 1]
+    page.send("Emulation.setEmulatedMedia", media="print")
+    assert page.ask(shown) == [True] * 7
+    page.send("Emulation.setEmulatedMedia", media="")
+    page.send("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        page.send("Page.navigate", url=site + "book/intro.html")
+        page.wait_for(
+            f"document.readyState == 'complete' && !document.querySelector('.live') && {shown}.length"
+        )
+        assert page.ask(shown) == [True] * 7
+    finally:
+        page.send("Emulation.setScriptExecutionDisabled", value=False)
+
+
 RING_LAB = {"tilt_deg": 35, "toward_deg": 20, "distance_m": 0.4, "u_px": 120, "v_px": 90, "lens_mm": 6,
             "same_image": False}  # fmt: skip
 

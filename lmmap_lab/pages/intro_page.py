@@ -7,13 +7,19 @@ import numpy as np
 import pandas as pd
 
 from lmmap.estimation.images import images
+from lmmap.geometry.port import circle_points_m
+from lmmap.geometry.projection import project
+from lmmap.pipeline import circle
+from lmmap.pipeline.crops import mask_about
 from lmmap.pipeline.estimator import Estimator
-from lmmap.settings import MODALITIES, OURS, PAPER
-from lmmap.types import Camera, Ellipse, Recording
+from lmmap.pipeline.masks import markers_box_px
+from lmmap.pipeline.ring import find_ring, skeleton_points
+from lmmap.settings import OURS, PAPER
+from lmmap.types import Camera, Ellipse, Estimate, Port, Pose, Recording
 
 from ..studies.verdicts import ESTIMATORS
-from .drawings import COLOUR, draw_estimate
-from .port_fit import draw_outline
+from .drawings import COLOUR
+from .sliders import Step
 from .tables import rules, sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
@@ -88,36 +94,75 @@ def clean_pictures(found: pd.DataFrame, pictures: pd.DataFrame) -> pd.DataFrame:
     return ours[ours.picture.isin(seen.picture)]
 
 
-def draw_first(recording: Recording, outlines):
-    """Draw the last frame and histogram of a recording with the pose in each, and the real port's lines.
+def walk(recording: Recording) -> tuple[list[Step], Estimate]:
+    """What the pipeline makes of a recording's last frame, step by step, and its estimate."""
+    camera, estimator = recording.camera, Estimator(recording.camera)
+    port, setup = estimator.port, estimator.setup
+    t_us, image = list(images(recording, "rgb"))[-1]
+    mask, answer = estimator.ring_network(image), estimator(image, t_us)
+    ring = find_ring(mask, setup).ellipse
+    pair = circle.poses(ring, camera, port.ring_radius_m)
+    markers = mask_about(estimator.reflector_network, image, *markers_box_px(pair, port, camera))
+    rows, columns = _around(ring, camera)
+    corner_px = np.array([columns.start, rows.start])
 
-    Parameters
-    ----------
-    outlines
-        By picture, those of data/results/port-outlines.json.
+    def step(label, title, picture, *curves):
+        moved = tuple((name, points - corner_px, colour, mode) for name, points, colour, mode in curves)
+        return Step(label, title, picture[rows, columns], moved)
 
-    Returns
-    -------
-    tuple
-        The figure and the list of estimates.
-    """
-    fig, axes = plt.subplots(1, 3, figsize=(7.6, 2.2))
-    answers = []
-    for ax, modality, title in zip(axes, MODALITIES, ("a frame", "events"), strict=False):
-        estimator = Estimator(recording.camera, modality=modality)
-        t_us, image = list(images(recording, modality))[-1]
-        answers.append(answer := estimator(image, t_us))
-        draw_estimate(ax, image, answer, estimator.port, recording.camera)
-        ax.set_title(title)
-        _look_at(ax, answer.ellipse, recording.camera)
-    draw_outline(axes[2], outlines["rgb-estimate-overlaid"])
-    axes[2].set_title("the real port, outlines")
-    return fig, answers
+    frame = image / 255
+    contour = ("ellipse", ring.points(181), "event", "lines")
+    sheet = np.full(frame[rows, columns].shape[:2], 0.96)
+    space = Step("two normals", "Two circles in space have this image: blue and ochre, with their normals.",
+                 sheet, _in_space(pair, port.ring_radius_m, sheet.shape))  # fmt: skip
+    steps = [
+        step("image", "A frame from the simulation.", frame),
+        step("mask", "A network marks the ring.", mask),
+        step("skeleton", "The mask is thinned to a line (orange).", 0.4 * mask,
+             ("skeleton", skeleton_points(mask), "event", "markers")),
+        step("ellipse", "RANSAC fits an ellipse (orange).", frame, contour),
+        space,
+        step("markers", "A second network marks the markers, which choose one circle and the yaw.", markers),
+        step("pose", "The pose of the port, drawn as its outline (orange).", frame,
+             ("pose", _outline_px(answer.T_cam_port, port, camera), "event", "lines")),
+    ]  # fmt: skip
+    return steps, answer
 
 
-def _look_at(ax, ellipse: Ellipse, camera: Camera) -> None:
-    """Let axes show the part of the image around an ellipse."""
-    tall = min(AROUND * ellipse.semi_axes_px[0], camera.height_px)
-    wide = min(4 / 3 * tall, camera.width_px)
-    left, top = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
-    ax.set(xlim=(left - 0.5, left + wide - 0.5), ylim=(top + tall - 0.5, top - 0.5))
+def _outline_px(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
+    rings = [circle_points_m(r, 90) for r in (port.ring_inner_radius_m, port.ring_outer_radius_m)]
+    gap = np.full((1, 2), np.nan)
+    lines = [np.vstack([project(T_cam_port @ np.vstack([m, m[:1]]), camera), gap])
+             for m in (*rings, *port.marker_corners_m())]  # fmt: skip
+    return np.vstack(lines)
+
+
+def _in_space(pair: Pose, radius_m: float, size_px) -> tuple:
+    """Curves of both circles and normals, and of the lines of sight, seen obliquely; the camera is left."""
+    sight = pair.position_m.mean(0) / np.linalg.norm(pair.position_m.mean(0))
+    lean = np.diff(pair.normal, axis=0)[0]
+    lean = (lean - lean @ sight * sight) / np.linalg.norm(lean - lean @ sight * sight)
+    view = np.column_stack([sight + 0.4 * np.cross(sight, lean), lean + 0.25 * np.cross(sight, lean)])
+    scale, centre = 1.3 * size_px[1] / (8 * radius_m), [0.6 * size_px[1], 0.5 * size_px[0]]
+
+    def flat(points_m):
+        return (np.asarray(points_m) - pair.position_m.mean(0)) @ view * scale + centre
+
+    circles_m = [T @ circle_points_m(radius_m, 73) for T in pair]
+    ends = circles_m[0][::9]
+    gap = np.full((1, 2), np.nan)
+    rays = np.vstack([np.vstack([flat([0.7 * x, x]), gap]) for x in ends])
+    arrows = [flat([T.position_m, T.position_m + 1.6 * radius_m * T.normal]) for T in pair]
+    shapes = [np.vstack([flat(np.vstack([c, c[:1]])), gap, arrow])
+              for c, arrow in zip(circles_m, arrows, strict=True)]  # fmt: skip
+    return (("lines of sight", rays, "ink", "lines"), ("one circle", shapes[0], "rgb", "lines"),
+            ("the other", shapes[1], "rival", "lines"))  # fmt: skip
+
+
+def _around(ellipse: Ellipse, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns of the part of the image around an ellipse."""
+    tall = min(round(AROUND * ellipse.semi_axes_px[0]), camera.height_px)
+    wide = min(4 * tall // 3, camera.width_px)
+    corner = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
+    left, top = corner.astype(int)
+    return slice(top, top + tall), slice(left, left + wide)

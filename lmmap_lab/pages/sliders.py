@@ -22,10 +22,14 @@ SHOW = ("const steps = [...this.closest('.steps').querySelectorAll('.step')];"
         "this.closest('.steps').querySelector('output').textContent = label;"
         "this.setAttribute('aria-valuetext', label);")  # fmt: skip
 
+START_STRIP = ("document.querySelectorAll('.strip:not(.live)').forEach(strip => {"
+               "strip.classList.add('live'); strip.querySelector('label').hidden = false;"
+               "strip.querySelector('input').oninput(); });")  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Step:
-    """What one position of a slider shows: an image (H, W) in [0, 1], and curves over it.
+    """What one position of a slider shows: an image in [0, 1], grey or RGB, and curves over it.
 
     A curve is ``(name, points (M, 2) px, colour, "lines" or "markers")``, with NaN where a line is broken.
     Every step has the same names.
@@ -35,6 +39,45 @@ class Step:
     title: str
     image: np.ndarray
     curves: tuple
+
+
+class Strip:
+    """Steps side by side, which a script puts behind a slider; on paper and without scripts all are seen.
+
+    The steps' titles say what the colours of the curves mean.
+    """
+
+    def __init__(self, steps: Sequence[Step], name: str):
+        self.steps, self.name = list(steps), name
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        return {"text/html": self.html(), "image/png": base64.b64encode(self.still()).decode()}
+
+    def html(self) -> str:
+        """Every step, none hidden, the slider that the script shows, and the script."""
+        views = _views(self.steps, self.name, range(len(self.steps)))
+        slider = (f'<label hidden="">{escape(self.name)}: <input type="range" min="0" '
+                  f'max="{len(self.steps) - 1}" step="1" value="0" oninput="{escape(SHOW)}"/> '
+                  "<output></output></label>")  # fmt: skip
+        return "\n".join(
+            [
+                '<div class="strip"><div class="steps">',
+                *views,
+                slider,
+                f"</div></div><script>{START_STRIP}</script>",
+            ]
+        )
+
+    def still(self) -> bytes:
+        """All steps in two rows, PNG."""
+        columns = -(-len(self.steps) // 2)
+        drawn, axes = plt.subplots(2, columns, figsize=(7.6, 3.8))
+        for ax in axes.flat:
+            ax.set_axis_off()
+        for ax, step in zip(axes.flat, self.steps, strict=False):
+            _draw(ax, step)
+            ax.set_title(step.label, fontsize=9)
+        return _png(drawn)
 
 
 class Slider:
@@ -61,15 +104,7 @@ class Slider:
 
     def html(self) -> str:
         """Every step, of which all but one are hidden, their legend, and the slider."""
-        order = [self.start, *(k for k in range(len(self.steps)) if k != self.start)]
-        sources = [_data_uri(step.image) for step in self.steps]
-        holders = {}  # an image that several steps share is written once, if possible where the slider starts
-        for k in order:
-            holders.setdefault(sources[k], k)
-        views = [
-            _view(step, f"{self.name} {step.label}", k == self.start, source, holders[source] == k)
-            for k, (step, source) in enumerate(zip(self.steps, sources, strict=True))
-        ]
+        views = _views(self.steps, self.name, [self.start])
         legend = [f'<span><i style="background: {COLOUR[colour]}"></i>{escape(curve)}</span>'
                   for curve, _, colour, _ in self.steps[0].curves]  # fmt: skip
         label = escape(self.steps[self.start].label)
@@ -84,23 +119,42 @@ class Slider:
     def still(self) -> bytes:
         """The step that is shown first, PNG."""
         step = self.steps[self.start]
-        height, width = step.image.shape
         drawn, ax = plt.subplots(figsize=(6, 4.5))
-        ax.imshow(_grey(step.image), cmap="gray", vmin=0, vmax=255)
-        for name, points_px, colour, mode in step.curves:
-            style = "." if mode == "markers" else "-"
-            ax.plot(*np.reshape(points_px, (-1, 2)).T, style, color=COLOUR[colour], label=name)
+        _draw(ax, step)
         ax.set(xlabel="u (px)", ylabel="v (px)", title=step.title)
-        ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
         ax.legend(loc="upper right")
-        file = BytesIO()
-        drawn.savefig(file, format="png")
-        plt.close(drawn)
-        return file.getvalue()
+        return _png(drawn)
+
+
+def _draw(ax, step: Step) -> None:
+    height, width = step.image.shape[:2]
+    ax.imshow(_grey(step.image), cmap="gray", vmin=0, vmax=255)
+    for name, points_px, colour, mode in step.curves:
+        style = "." if mode == "markers" else "-"
+        ax.plot(*np.reshape(points_px, (-1, 2)).T, style, color=COLOUR[colour], label=name)
+    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+
+
+def _png(drawn) -> bytes:
+    file = BytesIO()
+    drawn.savefig(file, format="png")
+    plt.close(drawn)
+    return file.getvalue()
+
+
+def _views(steps: Sequence[Step], name: str, shown: Sequence[int]) -> list[str]:
+    """Every step; an image that several share is written once, if possible in one that is shown."""
+    sources, holders = [_data_uri(step.image) for step in steps], {}
+    for k in [*shown, *range(len(steps))]:
+        holders.setdefault(sources[k], k)
+    return [
+        _view(step, f"{name} {step.label}", k in shown, source, holders[source] == k)
+        for k, (step, source) in enumerate(zip(steps, sources, strict=True))
+    ]
 
 
 def _view(step: Step, said: str, shown: bool, source: str, holds: bool) -> str:
-    height, width = step.image.shape
+    height, width = step.image.shape[:2]
     name = "step-" + hashlib.sha256(source.encode()).hexdigest()[:12]
     size = f'x="-0.5" y="-0.5" width="{width}" height="{height}"'
     picture = f'<image id="{name}" {size} href="{source}"/>' if holds else f'<use href="#{name}"/>'
@@ -125,7 +179,9 @@ def _path(points_px, colour: str, mode: str) -> str:
 
 
 def _data_uri(image) -> str:
-    picture = cv2.imencode(".png", _grey(image), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
+    picture = cv2.imencode(
+        ".png", _grey(image)[..., ::-1] if image.ndim == 3 else _grey(image), [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    )[1].tobytes()
     return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 

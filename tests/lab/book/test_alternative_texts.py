@@ -9,7 +9,7 @@ from lmmap_lab.provenance import ROOT
 
 PAGES = sorted((ROOT / "book").glob("*.md"))
 CELL = re.compile(r"^```\{code-cell\}\n---\n(.*?)\n---\n(.*?)^```$", re.M | re.S)  # with options in a block
-MOVING = re.compile(r"\b(Slider|RingLab|Player)\(")  # outputs in HTML, with labels of their own
+MOVING = re.compile(r"\b(Slider|Strip|RingLab|Player)\(")  # outputs in HTML, with labels of their own
 
 
 def figures():

@@ -107,3 +107,13 @@ def test_an_image_that_steps_share_is_written_once_and_where_the_slider_starts()
     images, uses = ([view.findall(f"svg/{tag}") for view in tree.findall("div")] for tag in ("image", "use"))
     assert [len(nodes) for nodes in images] == [0, 1, 1] and [len(nodes) for nodes in uses] == [1, 0, 0]
     assert uses[0][0].get("href") == "#" + images[1][0].get("id")
+
+
+def test_a_strip_hides_no_step_before_its_script_runs_and_writes_a_shared_image_once():
+    frame, line = np.zeros((6, 8, 3)), (("line", [[1, 1], [2, 2]], "truth", "lines"),)
+    steps = [sliders.Step(f"{k}", f"title {k}", frame, line) for k in range(3)]
+    tree = ElementTree.fromstring(sliders.Strip(steps, "step").html().split("<script>")[0])
+    views = tree.findall("div/div[@class='step']")
+    assert [view.get("hidden") for view in views] == [None] * 3
+    assert len(list(tree.iter("image"))) == 1 and len(list(tree.iter("use"))) == 2
+    assert tree.find("div/label").get("hidden") is not None
