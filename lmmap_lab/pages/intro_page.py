@@ -32,7 +32,7 @@ FLOW = (
     ("joint\nrefinement", "finer pose", "truth"), ("confidence", "sure pose", "truth"),
     ("outlier\nfilter", "trajectory", "rgb"),
 )  # fmt: skip
-IN_A_ROW = 5
+IN_A_ROW = 3
 HEADLINES = {  # claims of the paper by key, in short
     "alike_low_gap": "Trained on film, frames and events are similarly accurate",
     "events_win": "Trained without film, events beat frames in high light",
@@ -50,21 +50,25 @@ HEADLINES = {  # claims of the paper by key, in short
 
 def draw_flow():
     """Draw the pipeline as boxes: orange is learnt, blue is geometry, green is not in the paper."""
-    fig, ax = plt.subplots(figsize=(7.6, 2.6))
+    rows = -(-len(FLOW) // IN_A_ROW)
+    fig, ax = plt.subplots(figsize=(4.6, 1.2 * rows))  # narrow, so that a phone can show it
     arrow = {"arrowstyle": "->", "color": COLOUR["ink"], "shrinkA": 0}
     for k, (does, gives, colour) in enumerate(FLOW):
         x, y = k % IN_A_ROW, -1.3 * (k // IN_A_ROW)
         box = {"boxstyle": "round,pad=0.4", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
         ax.text(x, y, does, ha="center", va="center", fontsize=8.5, bbox=box)
-        if x == IN_A_ROW - 1:  # on to the row below
+        if k == len(FLOW) - 1:
+            ax.annotate(gives, (x, y - 0.3), (x, y - 0.75), ha="center", fontsize=8, style="italic",
+                        arrowprops={**arrow, "arrowstyle": "<-"})  # fmt: skip
+        elif x == IN_A_ROW - 1:  # on to the row below
             turn = y - 0.65
             ax.plot([x, x, 0], [y - 0.3, turn, turn], color=COLOUR["ink"], lw=1)
             ax.annotate("", (0, y - 1), (0, turn), arrowprops=arrow)
             ax.text(x / 2, turn + 0.12, gives, ha="center", fontsize=8, style="italic")
         else:
-            ax.annotate("", (x + 0.62, y), (x + 0.38, y), arrowprops=arrow)
-            ax.text(x + 0.5, y - 0.32, gives, ha="center", va="center", fontsize=8, style="italic")
-    ax.set(xlim=(-0.5, IN_A_ROW - 0.45), ylim=(-1.75, 0.4))
+            ax.annotate("", (x + 0.65, y), (x + 0.43, y), arrowprops=arrow)
+            ax.text(x + 0.54, y - 0.4, gives, ha="center", va="center", fontsize=8, style="italic")
+    ax.set(xlim=(-0.5, IN_A_ROW - 0.5), ylim=(-1.3 * (rows - 1) - 0.85, 0.4))
     ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
     ax.set_axis_off()
     return fig
