@@ -106,7 +106,7 @@ def _evaluate(commands: Commands) -> None:
     commands.add_recording(command)
     commands.add_file(command, "--truth", help="CSV or TUM (default: RECORDING's .truth.csv or .truth.tum)")
     _add_estimation(commands, command, required=False)
-    text = "run the procedure of the paper's text, on each camera by itself"
+    text = f"run the paper's own procedure, on each camera by itself (default networks: {PAPER_WEIGHTS})"
     command.add_argument("--as-printed", action="store_true", help=text)
     command.add_argument("--json", action="store_true", help="print JSON")
 
@@ -125,7 +125,7 @@ def _live(commands: Commands) -> None:
     commands.add_recording(command, nargs="?", type=camera_or_file, help=text)
     _add_estimation(commands, command, required=False, live=True)
     command.set_defaults(modality="rgb")
-    command.add_argument("--view", action="store_true", help="show the images in a page on this computer")
+    command.add_argument("--view", action="store_true", help="show the images on a local web page")
     commands.add_output(command, "poses to write as well: CSV, or .tum, .bag or .mcap by the name's ending")
     _add_frames(command)
     command.add_argument("--seconds", type=float, help="stop after this many seconds")
@@ -166,7 +166,7 @@ def _add_estimation(commands: Commands, command, required: bool, live: bool = Fa
         command.add_argument("--rate", type=float, metavar="HZ", help=text)
     text = "events in a histogram (default: 0.39 per pixel)"
     command.add_argument("--events", type=int, metavar="N", help=text)
-    text = f"set of mask networks (default: {DEFAULT_WEIGHTS}, and {PAPER_WEIGHTS} with --as-printed)"
+    text = f"set of mask networks (default: {DEFAULT_WEIGHTS})"
     networks = command.add_mutually_exclusive_group()
     commands.add_networks(networks, text)
     text = "folder of your own mask networks, in files named like those of lmmap"

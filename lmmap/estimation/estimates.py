@@ -61,7 +61,9 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
 def estimate(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
-    """Estimates of a whole recording, in the order of time; `in_place`.
+    """Estimates for a whole recording, in the order of time.
+
+    A warning at the end says if in most poses the markers are not where the port has them.
 
     Examples
     --------

@@ -33,20 +33,20 @@ class Estimator(ImageEstimator):
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
         The two mask networks: one of the shipped sets, `SETS`, a folder with files named as those of `low`,
-        or two callables ``(ring, reflectors)``, each from an image to a mask (H, W) in [0, 1].  Default: the
-        command's, ``OURS.weights``.  A folder of ``lmmap adapt`` has the networks from before answer first.
+        or two callables ``(ring, reflectors)``, each from an image to a mask (H, W) in [0, 1].  Default: that
+        of the command, ``OURS.weights``.  With a folder of ``lmmap adapt``, the original ones answer first.
     settings
         Default: `OURS`, its number of events kept per pixel of this camera.
     precision
-        Of the shipped networks; ``"auto"`` takes bfloat16 where the processor has it, ``"float32"`` never.
+        Of the shipped networks; ``"auto"`` uses bfloat16 if the processor has it, ``"float32"`` never does.
 
     Attributes
     ----------
     grid : Camera
-        The camera in whose pixels masks and geometry are: ``camera``, or its images at the focal length that
-        the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
+        The camera in whose pixels masks and geometry are computed: ``camera``, or its images at the focal
+        length that the networks know (`rescale`).  Methods take these pixels; a call takes the camera's.
     learned : Estimator or None
-        That of the networks that have learned.
+        The estimator with the networks that have learned a place.
     further : list of FurtherLook
         How an image is looked at again (`looks`).
 
@@ -88,7 +88,7 @@ class Estimator(ImageEstimator):
         return look_again(self, answer, image, t_us, near, wider)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None) -> Estimate:
-        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
+        """Estimate the pose in an image in the pixels of `grid`; the ellipse is in these pixels, too."""
         setup = self.setup
         port, grid, settings = setup.port, setup.camera, setup.settings
         seen = look(image, self.ring_network, self.reflector_network, near)

@@ -86,7 +86,7 @@ class ImageEstimator:
         return replace(estimate, ellipse=ring, outside_training=outside)
 
     def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
+        """Estimate the pose in an image in the pixels of `grid`; the ellipse is in these pixels, too."""
         raise NotImplementedError
 
     def ring_mask(self, image: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ class PrintedEstimator(ImageEstimator):
         self.assumptions, self.paper = assumptions or Assumptions(), paper
 
     def on_grid(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        """The estimate of an image in the pixels of `grid`, its ellipse in these as well."""
+        """Estimate the pose in an image in the pixels of `grid`; the ellipse is in these pixels, too."""
         port, grid, assumed = self.port, self.grid, self.assumptions
         points_px = skeleton_points(self.ring_network(image), assumed.mask_threshold, peak_share=0.0)
         if len(points_px) < assumed.min_ring_pixels:

@@ -99,7 +99,7 @@ def read_truth(path) -> Trajectory:
 
 @checked
 def write_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
-    """Write one line an estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
+    """Write one line per estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
     printed formula, certainty, and the upper triangle of the pose's covariance.
 
     Examples

@@ -150,8 +150,8 @@ class Fusion:
 @checked
 def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: float | None = None,
          settings: Settings = OURS, name: str = "fuse") -> Iterator[Estimate]:  # fmt: skip
-    """Fused estimates of ``(camera, estimate)`` in the order of time: after each time, or at ``rate_hz``
-    from the first, each of what came until then.
+    """Fuse the estimates of both cameras, ``(camera, estimate)`` in the order of time: one result for each
+    time, or at ``rate_hz`` from the first, from all that came up to then.
 
     Their ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
     within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``, as it
@@ -159,8 +159,8 @@ def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: 
     ``name`` says so.
 
     A camera's estimates count at their own times: a histogram's is the middle of its events' span.  A ring
-    without markers counts for nothing: no marker confirms it.  Ticks of a gap, ``settings.motion.lost_s``
-    after the last estimate, are passed over: no image is left to say anything of.
+    without markers is ignored, because no marker confirms it.  In a gap there is no result later than
+    ``settings.motion.lost_s`` after the last estimate, because there is no image to report on.
 
     Raises
     ------

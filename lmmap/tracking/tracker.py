@@ -34,7 +34,7 @@ class Tracker:
         One for each kind of image, of the same camera and port.  They hold no state, so several trackers may
         share them.
     events
-        Whether the camera's events will be told between the images (`add_events`).  The track then assumes
+        Whether the camera's events will be added between the images (`add_events`).  The track then assumes
         the livelier motion of ``settings.between``, which events can follow.
 
     Examples
@@ -103,12 +103,12 @@ class Tracker:
         return self._answer(e, modality, fits)
 
     def add_events(self, events) -> int:
-        """Correct the pose by the events since the last image, or a part of them; returns how many updates
-        they made.
+        """Correct the pose with some or all of the events since the last image; return how many updates they
+        made.
 
-        Events before the last image are taken too, and images may come later than events that are newer.
-        What events say counts at their own time: `at` tells it, and the next image is looked for there.  They
-        begin no track, and hold none for longer than a prediction would.
+        Events from before the last image are used, too, and an image may arrive after newer events.  Events
+        correct the track at their own time: `at` returns the result, and the search in the next image starts
+        from it.  They begin no track, and keep none alive for longer than a prediction would.
 
         Parameters
         ----------
@@ -125,9 +125,9 @@ class Tracker:
         return self._track.events(events)
 
     def at(self, t_us: int) -> Estimate:
-        """The pose at a time not before that of the last image, by the images and events until then.
+        """Return the pose at a time not before the last image, from the images and events up to then.
 
-        ``predicted`` after the last image that showed the port: events follow edges, and do not say whose.
+        ``predicted`` after the last image that showed the port: events follow edges, but do not tell whose.
         """
         check_time("t_us", t_us)
         e = self._track.at(t_us)

@@ -21,7 +21,7 @@ class Camera:
     """Pinhole camera whose lens may distort.
 
     ``distortion`` holds (k1, k2, p1, p2, k3) of the model ``"radtan"``, or (k1, k2, k3, k4) of Kalibr's and
-    OpenCV's ``"equidistant"`` fisheye; without any there is no distortion, whatever the model.
+    OpenCV's ``"equidistant"`` fisheye; if it is empty, the lens has no distortion, whatever the model.
 
     Examples
     --------
@@ -75,9 +75,9 @@ class Camera:
         return frozen_array(np.linalg.inv(self.K))
 
     def at_focal(self, focal_px: float) -> Camera:
-        """The camera of the same images resampled to about a focal length, in whole pixels.
+        """Return the camera of the same images, resampled to about this focal length in whole pixels.
 
-        The view, the lens and the frame stay, so a pose is the same in both.
+        The view, the lens and the frame stay the same, so a pose is the same in both.
         """
         check_number("focal_px", focal_px, 1e-3, 1e6)
         width_px = max(round(self.width_px * focal_px / self.fx_px), 1)
@@ -96,8 +96,8 @@ class Camera:
         """Read our JSON, or a calibration of OpenCV, ROS, Kalibr, dv-processing, Metavision, COLMAP, RPG or
         SPEED+; raises `InputError`.
 
-        Of several cameras in a file it is that of ``FILE:NAME``, else that of a recording's size and topics,
-        else the first, with a warning.  A file that states no size is for images of ``size_px``.
+        If a file holds several cameras, take ``FILE:NAME``, else the one that matches a recording's size and
+        topics, else the first, with a warning.  A file that states no size is for images of ``size_px``.
         """
         return camera_files().read_camera(path, size_px, topics)
 

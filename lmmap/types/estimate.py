@@ -15,7 +15,7 @@ from .pose import Pose
 
 
 class Status(StrEnum):
-    """Why a frame has a pose, or has none.
+    """Whether an image has a pose and, if not, why not.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Estimate:
     rival : Pose or None
         The best pose with the circle's other normal.
     printed : Pose or None
-        The pose by the formula as the paper prints it, on the same ellipse and markers.
+        The pose from the formula as the paper prints it, on the same ellipse and markers.
     ellipse : Ellipse or None
         The ring's contour, free of lens distortion.
     arc_coverage : float
@@ -69,12 +69,12 @@ class Estimate:
     predicted : Pose or None
         Of a tracker: where it expected the port before it looked at the image.
     measured : Pose or None
-        Of a tracker: the pose by the image alone, or None where it shows none.
+        Of a tracker: the pose from the image alone, or None if the image gives no pose.
     outside_training : bool
         Whether the ring, in the networks' pixels, is smaller or larger than any that they were trained on.
     markers_off_px : float or None
-        How far the markers lie from where the port has them and no pose can bring them, in the networks'
-        pixels; None without a refined pose.
+        How far the markers lie from their place on the port, after the best pose has been found, in the
+        networks' pixels; None without a refined pose.
 
     Examples
     --------
@@ -115,8 +115,8 @@ class Estimate:
 
     @checked
     def judged(self, confidence: float, least: float) -> Estimate:
-        """The estimate of a pose with this confidence: reported if that is at least so much, else
-        ``unsure``."""
+        """Return this estimate with a confidence: its pose is reported if that is at least ``least``;
+        otherwise the status is ``unsure``."""
         if confidence >= least:
             answer: dict[str, Any] = {"status": Status.OK, "T_cam_port": self.found, "doubtful": None}
         else:

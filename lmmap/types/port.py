@@ -22,10 +22,10 @@ ROUNDING_M = 1e-9  # by which parts that touch may seem to overlap
 class Port:
     """Geometry of a docking port: the ring, the raised plate with its markers and windows, and the panel.
 
-    Tolerances are relative standard deviations: by how much a mock-up that was built may differ from these
+    Tolerances are relative standard deviations: how far a mock-up, as built, may differ from these
     dimensions.  The defaults follow from the port in the paper's own overlays.  Their lens leaves 5 % of the
     plate's height open, and two images of the mock-up ask for 0.30 and 0.36 of the ring's outer radius where
-    the model has 0.40; more would cost accuracy where a port is as drawn.  All else moved by less than 2 %.
+    the model has 0.40; more would cost accuracy for a port as drawn.  All else moved by less than 2 %.
 
     Examples
     --------

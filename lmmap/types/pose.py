@@ -42,7 +42,7 @@ class Pose:
     @classmethod
     @checked
     def stack(cls, poses: Sequence[Pose]) -> Pose:
-        """Poses of any shapes, or none, one after another in one of shape (N,)."""
+        """Join poses of any shapes, or none at all, into one of shape (N,)."""
         rotation = [np.empty((0, 3, 3)), *(T.rotation.reshape(-1, 3, 3) for T in poses)]
         position_m = [np.empty((0, 3)), *(T.position_m.reshape(-1, 3) for T in poses)]
         return cls(np.concatenate(rotation), np.concatenate(position_m))
@@ -81,7 +81,7 @@ GAP_STEPS, GAP_US = 10, 100_000  # a step is a gap that is longer than so many u
 class Trajectory:
     """Poses ``T_a_b`` of one frame in another at strictly increasing times ``t_us (N,)``.
 
-    Which frames, its holder says: of a recording's truth and of estimates it is ``T_cam_port``, of an arm
+    Its holder says which frames: of a recording's truth and of estimates it is ``T_cam_port``, of an arm
     ``T_root_tip``.
 
     Examples

@@ -46,7 +46,7 @@ class Recording:
             raise ValueError(f"frames, frames_t_us: expected as many times as frames (N, H, W, 3), got {got}")
 
     def chunks(self):
-        """Yield the events in views of at most `CHUNK_EVENTS`: who joins chunks to windows copies no more."""
+        """Yield the events in views of at most `CHUNK_EVENTS`: joining them into windows copies no more."""
         for start in range(0, max(len(self.events), 1), CHUNK_EVENTS):
             yield self.events[start : start + CHUNK_EVENTS]
 

@@ -203,8 +203,8 @@ def calibrate(commands: Commands) -> None:
     command.add_argument("--square", type=float, default=0.03, metavar="M", help=text)
     text = "measure the port's dimensions instead, from one recording of any format"
     command.add_argument("--port", action="store_true", dest="measure_port", help=text)
-    text = "the camera's focal length and first radial coefficient, from a port that is waved about"
-    command.add_argument("--focal", action="store_true", help=f"{text}; with --port both")
+    text = "measure the camera's focal length and first radial coefficient, from a port waved about"
+    command.add_argument("--focal", action="store_true", help=f"{text}; with --port, measure both")
     commands.add_output(
         command, "default: rig.json, camera.json, port.json or CLIP.camera.json, beside the first bag"
     )
