@@ -173,7 +173,7 @@ class Settings(PaperSettings):
     min_fused_confidence: float = 0.85  # of a track of both cameras
     port_off_px: float = 0.5  # by which markers lie off in half of a recording's poses, to doubt the port: it
     # was 0.1 to 0.25 on the bench and elsewhere, and 0.8 to 1.2 where the plate was 20 % higher
-    port_off_poses: int = 10  # without so many nothing is said of the port
+    port_off_poses: int = 10  # with fewer, no warning about the port
 
     # tracking, image by image
     crop_sigmas: float = 3.0  # of the predicted ring, beside which the ring filter does not look

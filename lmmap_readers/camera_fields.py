@@ -112,7 +112,7 @@ def _plain(camera: dict) -> dict:
 
 
 def _pinhole(matrix: list) -> list:
-    """fx, fy, cx, cy of these four, or of a matrix of nine by rows; ValueError where it is none."""
+    """fx, fy, cx, cy of these four, or of a matrix of nine by rows; ValueError if it is neither."""
     if len(matrix) == 4:
         return matrix
     if len(matrix) != 9:

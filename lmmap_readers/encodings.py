@@ -36,7 +36,7 @@ def layout(encoding: str) -> tuple[int, int, int | None]:
 
 
 def pixels(message) -> np.ndarray:
-    """The image (H, W, 3) RGB of a sensor_msgs/Image, u8 or u16; ValueError for one that is none."""
+    """The image (H, W, 3) RGB of a sensor_msgs/Image, u8 or u16; ValueError if it is not one."""
     bits, channels, code = layout(message.encoding)
     check_image(message.width, message.height)
     rows = np.asarray(message.data).reshape(message.height, message.step)

@@ -89,7 +89,7 @@ class Evt21(Evt2):
 
 
 def _events(t_us: np.ndarray, words: np.ndarray, right=0) -> np.ndarray:
-    """Events (M,) EVENT of words of EVT2, each so many pixels to the right."""
+    """Events (M,) EVENT of words of EVT2, shifted to the right by this many pixels."""
     return event_array(t_us, (words >> 11 & 0x7FF) + right, words & 0x7FF, words >> 28 == 1)
 
 
@@ -113,7 +113,7 @@ LIBCAER_CMP = Codes16(2, 3, 4, 6, 5, 1, 0, False)
 
 
 class Evt3:
-    """EVT3, and libcaer_cmp that is built alike: words of 16 bit, of which many make an event."""
+    """EVT3, and libcaer_cmp that is built alike: words of 16 bit, several to an event."""
 
     encoding, word = "EVT3", np.dtype("<u2")
 

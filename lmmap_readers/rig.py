@@ -86,14 +86,14 @@ def find_rig(recording: Path | None) -> Rig | None:
 
 
 def frame_name(name) -> str:
-    """The name of a frame as a file has it; ValueError where it is none."""
+    """The name of a frame as a file has it; ValueError if it is not a name."""
     if not isinstance(name, str) or len(name) > MAX_NAME:
         raise ValueError(f"the name of a frame is {name!r:.40}")
     return name
 
 
 def rigid_transform(matrix) -> Pose:
-    """The pose of a 4 x 4 matrix as a file has it; ValueError where it is none."""
+    """The pose of a 4 x 4 matrix as a file has it; ValueError if it is not a pose."""
     M = np.array(matrix, float)
     if M.shape != (4, 4) or not np.all(np.abs(M) <= MAX_POSITION_M):  # NaN neither
         raise ValueError(f"its matrix is not one of 4 x 4 finite numbers up to {MAX_POSITION_M:g}")

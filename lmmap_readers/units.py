@@ -1,4 +1,4 @@
-"""Whether a sensor can have so many events in the unit that a file's times are taken to have."""
+"""Whether a sensor can send events at the rate that the assumed unit of a file's times implies."""
 
 from __future__ import annotations
 

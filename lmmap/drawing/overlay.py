@@ -126,7 +126,7 @@ class Overlay:
         self._rate_hz: float | None = None
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
-        """Draw the next image of the video; an estimate between images has none and is passed over."""
+        """Draw the next image of the video; an estimate between images has no image, and is skipped."""
         if image is None:
             return
         picture = draw(image, estimate, self.camera, self.port, ring_mask)

@@ -88,7 +88,7 @@ def at_once(*functions: Callable[[], object]) -> list:
 
 
 def workers(threads: int) -> ThreadPoolExecutor:
-    """`AT_ONCE` threads that share so many of torch's."""
+    """`AT_ONCE` threads that share this many of torch's."""
     return ThreadPoolExecutor(AT_ONCE, "lmmap", _share, (threads,))
 
 

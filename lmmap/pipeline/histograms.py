@@ -104,6 +104,6 @@ def window_histograms(
 
 
 def check_count(count: int) -> None:
-    """ValueError unless windows may have so many events."""
+    """ValueError unless windows may have this many events."""
     if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
         raise ValueError(f"count: expected at least 1, and a whole number, got {count!r:.40}")

@@ -34,7 +34,7 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -
     ValueError
         For any other, named by what is wrong with it.
     KeyError
-        If there is none of this name.
+        If there is no dataset of this name.
     """
     dataset = group[name]
     if not isinstance(dataset, h5py.Dataset):

@@ -110,7 +110,7 @@ def _ring_rows(steps: Pose, ring: Sequence[RingEdge], port: Port, camera: Camera
 
 def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> float:
     """How far markers, seen from a pose, lie from where the port has them, if its height and radius are off
-    by so many tolerances (2,); root mean square."""
+    by this many tolerances (2,); root mean square."""
     moved_m, _ = _side_points_m(port)
     off_m = np.tensordot(port_off, moved_m[1:] - moved_m[0], 1)
     at, there = project_points(T_cam_port, np.stack([moved_m[0], moved_m[0] + off_m]), camera)

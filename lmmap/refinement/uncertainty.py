@@ -123,7 +123,7 @@ def pose_uncertainty(T_cam_port: Pose, points_px, sigma_px: float, radius_m: flo
     ----------
     sigma_px : standard deviation of a contour point, as if all were independent
     yaw_sigma_rad : of the rotation about the normal
-    merged : below so many sigmas of tilt the other branch belongs to the region; 0 if the branch is known
+    merged : below this many sigmas of tilt the other branch belongs to the region; 0 if the branch is known
 
     Raises
     ------

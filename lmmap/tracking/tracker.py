@@ -22,7 +22,7 @@ from .crop import expected_ring
 from .discord import Discord
 from .motion_model import MotionState
 
-MOST_SUPPORT = 2  # images that a track is believed by: so many that do not show it there end it
+MOST_SUPPORT = 2  # images that support a track at most: as many that do not show it there end it
 
 
 class Tracker:

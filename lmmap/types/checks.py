@@ -37,7 +37,7 @@ def _lies_within(value, low: float, high: float) -> bool:
 
 
 def frozen_times(name: str, t_us) -> np.ndarray:
-    """A read-only copy (N,) i64 of times; ValueError where one is none."""
+    """A read-only copy (N,) i64 of times; ValueError if one is not a time."""
     if not _is_numeric(t_us):
         raise ValueError(f"{name}: expected times that fit 64 bits of microseconds, got {t_us!r:.60}")
     times = np.asarray(t_us)

@@ -49,7 +49,7 @@ class Port:
     panel_size_m: tuple[float, float]
     symmetry: int = 3
     window_radius_m: float = 0.0  # of their centres, which lie half way between the markers
-    window_size_m: tuple[float, float] = (0.0, 0.0)  # tangential, radial; zero: the plate has none
+    window_size_m: tuple[float, float] = (0.0, 0.0)  # tangential, radial; zero: no windows
     plate_height_tolerance: float = 0.07
     marker_radius_tolerance: float = 0.01
     ring_width_tolerance: float = 0.05  # about the same centre line

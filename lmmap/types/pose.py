@@ -74,7 +74,7 @@ class Pose:
         return Rotation.from_matrix(self.rotation).as_quat(canonical=True)
 
 
-GAP_STEPS, GAP_US = 10, 100_000  # a step is a gap that is longer than so many usual ones, and than so long
+GAP_STEPS, GAP_US = 10, 100_000  # a gap is longer than this many usual steps, and than this time
 
 
 @dataclass(frozen=True)
