@@ -39,7 +39,7 @@ def _whole(text: str) -> int:
             return number
     except ValueError:
         pass
-    raise argparse.ArgumentTypeError(f"expected a whole number of 64 bits, got {text!r:.30}")
+    raise argparse.ArgumentTypeError(f"expected a whole number of 64 bits, got {text:.30}")
 
 
 class _Renamed(_Once):
