@@ -1,5 +1,6 @@
 """Masks in crops are those of the whole image, and two can be made at once."""
 
+import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -42,6 +43,10 @@ def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_threa
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
         at_once(lambda: 1 / 0, lambda: None)
+    _kept_workers(
+        threads, os.getpid()
+    ).shutdown()  # or one may still begin, and set its number, in another test
+    _kept_workers.cache_clear()
 
 
 def test_the_callers_own_threads_keep_torchs_number(one_thread):
