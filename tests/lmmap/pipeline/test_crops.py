@@ -43,9 +43,8 @@ def test_two_functions_at_once_give_what_they_give_one_by_one(threads, one_threa
     assert seen == [max(threads // 2, 1), "second"] and torch.get_num_threads() == threads
     with pytest.raises(ZeroDivisionError):
         at_once(lambda: 1 / 0, lambda: None)
-    _kept_workers(
-        threads, os.getpid()
-    ).shutdown()  # or one may still begin, and set its number, in another test
+    # or one may still begin, and set its number, in another test
+    _kept_workers(threads, os.getpid()).shutdown()
     _kept_workers.cache_clear()
 
 
