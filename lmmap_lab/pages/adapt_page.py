@@ -100,7 +100,7 @@ def before_and_after(recording, before, after, held_out: np.ndarray, port) -> pd
 
     Parameters
     ----------
-    before, after : list of Look
+    before, after : `self_labels.Look` of each image
         Of the same images, by networks from before and by those that learned.
     held_out : bool (N,)
     """
