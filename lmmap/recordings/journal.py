@@ -141,10 +141,11 @@ class Journal:
     def __enter__(self):
         with ExitStack() as held:
             held.enter_context(lock(self.path))
-            if self._made_of is not None and not is_special(self.path):
+            on_disk = not is_special(self.path)
+            if self._made_of is not None and on_disk:
                 for kept_in in (self._part, self._target):
                     tidy(_mark_of(kept_in))
-            there = not is_special(self.path) and os.path.exists(self._part if self._resume else self.path)
+            there = on_disk and os.path.exists(self._part if self._resume else self.path)
             self.kept_in = self._part if there else self._target
             if self._resume and self.kept_in.is_file():
                 self._read()

@@ -115,7 +115,7 @@ def verdict_table(claims: pd.DataFrame):
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"].replace(NOT_RUN, "")
         columns[name] = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
-    return claim_table(claims, "", columns)
+    return claim_table(claims, columns)
 
 
 def claims_table(claims: pd.DataFrame):
@@ -123,11 +123,10 @@ def claims_table(claims: pd.DataFrame):
     that decides."""
     pairs = ["numbers", "paper", *ESTIMATORS]  # pairs of cells, in a light after the other
     claims = claims.assign(**claims[pairs].apply(lambda texts: texts.str.replace(" | ", " and ")))
-    numbers = ("Numbers: " + claims.numbers + ". ").mask(claims.numbers == "in words", "")
     columns = {"paper": claims.paper}
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"]
         found = claims[estimator].where(claims[estimator] != NOT_RUN, "")
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + found + "</small>"
-    return claim_table(claims, numbers, columns)
+    return claim_table(claims, columns, with_numbers=True)

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmmap.geometry.port import circle_points_m
-from lmmap.geometry.projection import project
 from lmmap.pipeline.histograms import histogram
-from lmmap.types import Camera, Port, Pose, Recording
+from lmmap.types import Port, Recording
 
 from ..studies.between_images import METHODS, Followed
-from .drawings import COLOUR
-from .sliders import Step
+from .drawings import COLOUR, outlines_px
+from .sliders import Step, broken
 
 COLOURS = dict(zip(METHODS, ("paper", "ours", "event"), strict=True))
 SHOWN_US = 8000  # of events, under an outline
-
-
-def outline_px(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
-    """The ring's outer edge and the markers as one broken line, (N, 2), with NaN in its gaps."""
-    gap = np.full((1, 2), np.nan)
-    shapes = [circle_points_m(port.ring_outer_radius_m, 90), *port.marker_corners_m()]
-    lines = [np.vstack([project(T_cam_port @ np.vstack([s, s[:1]]), camera), gap]) for s in shapes]
-    return np.concatenate(lines)
 
 
 def recent(recording: Recording, t_us: int) -> np.ndarray:
@@ -35,12 +25,16 @@ def recent(recording: Recording, t_us: int) -> np.ndarray:
 def steps(followed: Followed, recording: Recording, port: Port, every: int, from_us: int) -> list[Step]:
     """Where the last image and the track with events place the port, over the newest events, now and then."""
     shown, made = (METHODS[0], METHODS[-1]), []
+
+    def outline_px(T):
+        return broken(outlines_px(T, port, recording.camera, [port.ring_outer_radius_m]))
+
     for k in range(np.searchsorted(followed.t_us, from_us), len(followed.t_us), every):
         t_us = int(followed.t_us[k])
         now = [followed.estimates[method][k] for method in shown]
         if not all(now):
             continue
-        curves = tuple((method, outline_px(e.T_cam_port, port, recording.camera), COLOURS[method], "lines")
+        curves = tuple((method, outline_px(e.T_cam_port), COLOURS[method], "lines")
                        for method, e in zip(shown, now, strict=True))  # fmt: skip
         age_ms = 1e-3 * (t_us - now[0].t_us)
         made.append(Step(f"{1e-3 * t_us:.0f} ms", f"the last image's pose is {age_ms:.0f} ms old",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import cycler
 import matplotlib
@@ -108,10 +109,15 @@ def draw_port(
     ax, T_cam_port: Pose, port: Port, camera: Camera, colour: str = COLOUR["truth"], **style
 ) -> None:
     """Draw the CAD model's ring and markers at a pose on an image."""
-    rings = [circle_points_m(r, 90) for r in (port.ring_inner_radius_m, port.ring_outer_radius_m)]
-    for points in (*rings, *port.marker_corners_m()):
-        u, v = project(T_cam_port @ np.vstack([points, points[:1]]), camera).T
-        ax.plot(u, v, color=colour, lw=style.get("lw", 1.0))
+    for line_px in outlines_px(T_cam_port, port, camera):
+        ax.plot(*line_px.T, color=colour, lw=style.get("lw", 1.0))
+
+
+def outlines_px(T_cam_port: Pose, port: Port, camera: Camera, radii_m: Sequence[float] | None = None):
+    """Closed lines (M, 2): circles of these radii, by default the ring's edges, and the markers."""
+    radii_m = (port.ring_inner_radius_m, port.ring_outer_radius_m) if radii_m is None else radii_m
+    shapes_m = [*(circle_points_m(r, 90) for r in radii_m), *port.marker_corners_m()]
+    return [project(T_cam_port @ np.vstack([s, s[:1]]), camera) for s in shapes_m]
 
 
 def draw_ellipse(ax, ellipse: Ellipse, colour: str = COLOUR["ours"], **style) -> None:

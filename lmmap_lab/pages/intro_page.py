@@ -8,18 +8,17 @@ import pandas as pd
 
 from lmmap.estimation.images import images
 from lmmap.geometry.port import circle_points_m
-from lmmap.geometry.projection import project
 from lmmap.pipeline import circle
 from lmmap.pipeline.crops import mask_about
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.masks import markers_box_px
 from lmmap.pipeline.ring import find_ring, skeleton_points
 from lmmap.settings import OURS, PAPER
-from lmmap.types import Camera, Ellipse, Estimate, Port, Pose, Recording
+from lmmap.types import Camera, Ellipse, Estimate, Pose, Recording
 
 from ..studies.verdicts import ESTIMATORS
-from .drawings import COLOUR
-from .sliders import Step
+from .drawings import COLOUR, outlines_px
+from .sliders import Step, broken
 from .tables import rules, sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
@@ -80,10 +79,9 @@ def scorecard(claims: pd.DataFrame):
     rows = claims.set_index("key").loc[list(HEADLINES)]
     columns = {name: estimator for estimator, name in ESTIMATORS.items()}
     ours = [row[columns[row.decides]] for _, row in rows.iterrows()]
-    numbers = ("Numbers: " + rows.numbers + ". ").mask(rows.numbers == "in words", "")
     table = pd.DataFrame({
-        "claim": rows.index.map(HEADLINES) + rules(rows, numbers), "paper": rows.paper, "here": ours,
-        "verdict": "<b>" + rows.verdict + "</b>",
+        "claim": rows.index.map(HEADLINES) + rules(rows, with_numbers=True),
+        "paper": rows.paper, "here": ours, "verdict": "<b>" + rows.verdict + "</b>",
     })  # fmt: skip
     return sentence_table(table.map(lambda text: text.replace(" | ", " and ")))
 
@@ -128,17 +126,9 @@ def walk(recording: Recording) -> tuple[list[Step], Estimate]:
         space,
         step("markers", "A second network marks the markers, which choose one circle and the yaw.", markers),
         step("pose", "The pose of the port, drawn as its outline (orange).", frame,
-             ("pose", _outline_px(answer.T_cam_port, port, camera), "event", "lines")),
+             ("pose", broken(outlines_px(answer.T_cam_port, port, camera)), "event", "lines")),
     ]  # fmt: skip
     return steps, answer
-
-
-def _outline_px(T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
-    rings = [circle_points_m(r, 90) for r in (port.ring_inner_radius_m, port.ring_outer_radius_m)]
-    gap = np.full((1, 2), np.nan)
-    lines = [np.vstack([project(T_cam_port @ np.vstack([m, m[:1]]), camera), gap])
-             for m in (*rings, *port.marker_corners_m())]  # fmt: skip
-    return np.vstack(lines)
 
 
 def _in_space(pair: Pose, radius_m: float, size_px) -> tuple:
@@ -154,10 +144,9 @@ def _in_space(pair: Pose, radius_m: float, size_px) -> tuple:
 
     circles_m = [T @ circle_points_m(radius_m, 73) for T in pair]
     ends = circles_m[0][::9]
-    gap = np.full((1, 2), np.nan)
-    rays = np.vstack([np.vstack([flat([0.7 * x, x]), gap]) for x in ends])
+    rays = broken(flat([0.7 * x, x]) for x in ends)
     arrows = [flat([T.position_m, T.position_m + 1.6 * radius_m * T.normal]) for T in pair]
-    shapes = [np.vstack([flat(np.vstack([c, c[:1]])), gap, arrow])
+    shapes = [broken([flat(np.vstack([c, c[:1]])), arrow])
               for c, arrow in zip(circles_m, arrows, strict=True)]  # fmt: skip
     return (("lines of sight", rays, "ink", "lines"), ("one circle", shapes[0], "rgb", "lines"),
             ("the other", shapes[1], "rival", "lines"))  # fmt: skip

@@ -41,6 +41,11 @@ class Step:
     curves: tuple
 
 
+def broken(lines_px) -> np.ndarray:
+    """Lines (M, 2) as one curve of a `Step`, broken between them."""
+    return np.concatenate([np.append(line, [[np.nan, np.nan]], 0) for line in lines_px])
+
+
 class Strip:
     """Steps side by side, which a script puts behind a slider; on paper and without scripts all are seen.
 
@@ -128,7 +133,7 @@ class Slider:
 
 def _draw(ax, step: Step) -> None:
     height, width = step.image.shape[:2]
-    ax.imshow(_grey(step.image), cmap="gray", vmin=0, vmax=255)
+    ax.imshow(_eight_bit(step.image), cmap="gray", vmin=0, vmax=255)
     for name, points_px, colour, mode in step.curves:
         style = "." if mode == "markers" else "-"
         ax.plot(*np.reshape(points_px, (-1, 2)).T, style, color=COLOUR[colour], label=name)
@@ -179,11 +184,11 @@ def _path(points_px, colour: str, mode: str) -> str:
 
 
 def _data_uri(image) -> str:
-    picture = cv2.imencode(
-        ".png", _grey(image)[..., ::-1] if image.ndim == 3 else _grey(image), [cv2.IMWRITE_PNG_COMPRESSION, 9]
-    )[1].tobytes()
+    values = _eight_bit(image)
+    values = values[..., ::-1] if values.ndim == 3 else values
+    picture = cv2.imencode(".png", values, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
     return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
-def _grey(image) -> np.ndarray:
+def _eight_bit(image) -> np.ndarray:
     return (255 * np.clip(image, 0, 1)).astype(np.uint8)

@@ -15,14 +15,14 @@ from torch.utils.flop_counter import FlopCounterMode
 from lmmap.estimation.images import images
 from lmmap.evaluation.error_table import METRICS, errors
 from lmmap.pipeline.estimator import Estimator
-from lmmap.pipeline.network import MaskNetwork
-from lmmap.pipeline.weights import FILTERS, load_filter
+from lmmap.pipeline.weights import FILTERS, load_network
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Camera, Estimate, Port, Recording
 
 from ..studies.bootstrap import interval
 from ..studies.reliability import confidences, joined
 from ..studies.right_and_wrong import right_and_wrong
+from ..training.dataset import spread
 from . import geometry
 from .train import PEERS, load, weights_path
 
@@ -52,7 +52,7 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     }
     filters = [weights_path(weights, name, modality) for name in FILTERS]
     if all(path.exists() for path in filters):
-        ring, reflectors = (MaskNetwork(load_filter(path, modality), modality, "float32") for path in filters)
+        ring, reflectors = (load_network(path, modality, "float32") for path in filters)
         made[OURSELVES] = Estimator(camera, port, modality, (ring, reflectors))
     paths = {peer: weights_path(weights, peer, modality) for peer in PEERS}
     return made | {
@@ -113,8 +113,7 @@ def answered(recordings: Iterable[Recording], modality: str, makes: dict[str, An
     port, found = port or Port.lm_map(), {name: ([], []) for name in makes}
     for recording in recordings:
         shots = list(images(recording, modality))
-        wanted = min(most or len(shots), len(shots))
-        shots = [shots[int(i)] for i in np.linspace(0, len(shots) - 1, wanted)]
+        shots = [shots[i] for i in spread(len(shots), most or len(shots))]
         for name, estimator in makes.items():
             answers = [estimator(image, t_us) for t_us, image in shots]
             found[name][0].append(errors(recording, answers, port))
