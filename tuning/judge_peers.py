@@ -1,41 +1,57 @@
 """Judges the pipeline beside its peers: geometry alone, points with PnP, a learned pose.
 
-    python tuning/judge_peers.py FOLDER [--curves FOLDER]
+    python tuning/judge_peers.py FOLDER [--curves FOLDER] [--pictures FOLDER] [--samples FOLDER]
 
 ``FOLDER`` holds the networks of all methods, equally trained (`lmmap_lab.peers.train`).  Each peer's limit on
 its confidence is chosen on `TUNING`, as the one at which one image in a hundred has a wrong pose.  The places
 are sequences that neither trained nor tuned anything: the test in each light, the second simulated scene,
 varied laboratories, the hard cases, a port whose plate stands a fifth higher, and a lens of another focal
-length.  Writes data/results/peers/places.csv and cost.csv, and with ``--curves`` curves.csv, of networks that
-learned from fewer images, in folders ``IMAGES-SEED``.
+length.  Writes data/results/peers/places.csv; with ``--pictures`` pictures.csv, of the authors' pictures as
+in `judge_pictures`; with ``--samples``, those of the trainings, cost.csv; with ``--curves`` curves.csv, of
+networks that learned from fewer images, in folders ``IMAGES-SEED``.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import cv2
+import numpy as np
 import pandas as pd
 import torch
 from judge_gap import recorded as of_place
+from judge_pictures import RIGHT_AXES, RIGHT_CENTRE_PX, without_lines
 from judged_images import of_light
 
 from lmmap.estimation.images import images
+from lmmap.geometry.conics import circle_ellipse
+from lmmap.pipeline import ellipse
+from lmmap.pipeline.network import SATURATION
 from lmmap.settings import MODALITIES
-from lmmap.types import Camera, Port, Recording
+from lmmap.types import Camera, Port, Pose, Recording
 from lmmap_lab.bench import sequences, varied
-from lmmap_lab.peers import study
+from lmmap_lab.peers import study, train
 from lmmap_lab.provenance import DATA, save_table
+from lmmap_lab.studies.claims_of_mixing import COST, CURVES, GEOMETRY, OURSELVES, PLACES, PRINTED
+from lmmap_lab.studies.pdf import pictures
 from lmmap_lab.studies.table1 import LIGHTS
+from lmmap_lab.training.recipe import Recipe
 
-RESULTS = DATA / "results" / "peers"
+PICTURES = DATA / "results" / "peers" / "pictures.csv"
 SECONDS, MOST, SEQUENCES = 2.0, 15, 6  # of a sequence, images of it, sequences of a light
 TUNING = [f"realistic-{n}" for n in range(2401, 2413)]
 HIGHER = replace(Port.lm_map(), plate_height_m=1.2 * Port.lm_map().plate_height_m)
 LONGER = replace(Camera.davis346(), fx_px=405.0, fy_px=405.0)
+UNLIMITED = OURSELVES, PRINTED
+UNLEARNED = GEOMETRY, PRINTED  # of the learning curves only
+TIMED_STEPS = 10, 40  # of two trainings; their difference counts
 
 
 def of_varied(name: str) -> Recording:
@@ -48,7 +64,7 @@ def tests(*lights: str) -> list[str]:
 
 
 bench = partial(sequences.simulate, seconds=SECONDS)
-PLACES = {  # how a sequence is recorded, its names, and the port and camera where they are others
+AT = {  # how a sequence is recorded, its names, and the port and camera where they are others
     **{f"{light} light": (bench, tests(light), {}) for light in LIGHTS},
     "second scene": (partial(of_place, "second scene"),
                      [n for light in LIGHTS for n in of_light(light, 2791, 4)], {}),
@@ -58,67 +74,126 @@ PLACES = {  # how a sequence is recorded, its names, and the port and camera whe
     "higher plate": (partial(bench, port=HIGHER), tests("medium"), {"port": HIGHER}),
     "longer lens": (partial(bench, camera=LONGER), tests("medium"), {"camera": LONGER}),
 }  # fmt: skip
+OF_CURVES = {"test": (bench, tests(*LIGHTS)[::2], {}), "second scene": AT["second scene"]}
 
 
-def limits_of(weights: Path, modality: str, recordings: list[Recording]) -> dict[str, float]:
+def limits_of(weights: Path, modality: str, recordings: Sequence[Recording], but: tuple = UNLIMITED) -> dict:
     """Each peer's least confidence, kept beside its weights."""
     kept = weights / f"limits-{modality}.json"
     if not kept.exists():
-        found = study.answered(recordings, modality, study.estimators(modality, weights), MOST)
+        makes = without(study.estimators(modality, weights), but)
+        found = study.answered(recordings, modality, makes, MOST)
         limits = {name: study.own_limit(*tables) for name, tables in found.items()}
         kept.write_text(json.dumps(limits, indent=1) + "\n")
     return json.loads(kept.read_text())
 
 
-def at_places(weights: Path, tuning: list[Recording], places=PLACES) -> tuple[pd.DataFrame, dict]:
-    rows, limits = [], {m: limits_of(weights, m, tuning) for m in MODALITIES}
+def without(makes: Mapping, names: Sequence[str]) -> dict:
+    return {name: make for name, make in makes.items() if name not in names}
+
+
+def at_places(places: Mapping, weights: Mapping[Path, dict], but: tuple = ()) -> Iterator[pd.DataFrame]:
+    """`study.side_by_side` at each place of all methods ``but`` some, by ``place, modality`` and the folder
+    ``weights``, each with its limits by modality."""
     for place, (record, names, other) in places.items():
         recordings = [record(name) for name in names]
         most = MOST if len(names) > 1 else None
-        for modality in MODALITIES:
-            makes = study.estimators(modality, weights, limits[modality], **other)
-            found = study.answered(recordings, modality, makes, most, other.get("port"))
-            rows.append(study.side_by_side(found).assign(place=place, modality=modality))
+        for folder, limits in weights.items():
+            for modality in MODALITIES:
+                makes = without(study.estimators(modality, folder, limits[modality], **other), but)
+                found = study.answered(recordings, modality, makes, most, other.get("port"))
+                own = {"place": place, "modality": modality, "weights": folder.name}
+                yield study.side_by_side(found).assign(**own)
         print(f"{place}: {len(names)} sequences", flush=True)
-    return pd.concat(rows, ignore_index=True), limits
 
 
-def costs(weights: Path) -> pd.DataFrame:
+def costs(weights: Path, samples: Path) -> pd.DataFrame:
+    """`study.cost` and the milliseconds of a training's step, of all its networks, on one thread."""
     recording, rows = bench("test-medium-1"), []
     for modality in MODALITIES:
         image = next(iter(images(recording, modality)))[1]
-        rows.append(study.cost(study.estimators(modality, weights), image).assign(modality=modality))
+        table = study.cost(study.estimators(modality, weights), image).assign(modality=modality)
+        torch.set_num_threads(1)
+        trained = {name: ((name,) if name in train.PEERS else train.FILTERS) for name in table.method}
+        trained[GEOMETRY] = ()
+        ms = {p: step_ms(p, modality, weights, samples) for p in sorted({*sum(trained.values(), ())})}
+        rows.append(table.assign(step_ms=[sum(ms[p] for p in trained[name]) for name in table.method]))
     return pd.concat(rows, ignore_index=True)
 
 
-def curves(folder: Path, tuning: list[Recording]) -> pd.DataFrame:
+def step_ms(peer: str, modality: str, weights: Path, samples: Path) -> float:
+    card = json.loads(train.weights_path(weights, peer, modality).with_suffix(".json").read_text())
+    spent_s = []
+    for steps in TIMED_STEPS:
+        with TemporaryDirectory() as folder:
+            start_s = time.perf_counter()
+            recipe = replace(Recipe(**card["recipe"]), steps=steps)
+            train.train(peer, recipe, Path(folder), samples, report=str)
+            spent_s.append(time.perf_counter() - start_s)
+    return 1e3 * (spent_s[1] - spent_s[0]) / (TIMED_STEPS[1] - TIMED_STEPS[0])
+
+
+def of_pictures(folder: Path, weights: Path, limits: dict) -> pd.DataFrame:
+    """Whether each method's pose puts the ring where a person marked it, in the authors' pictures at the size
+    of the camera's images, as if through its lens, and without the lines that were drawn on them."""
+    what = pd.read_csv(DATA / "paper" / "pictures.csv").set_index("picture")
+    marked = pd.read_csv(DATA / "paper" / "picture-points.csv").query("kind == 'edge'")
+    camera, rows = Camera.davis346(), []
+    for name, picture in pictures(folder):
+        points = marked[marked.picture == name][["u_px", "v_px"]].to_numpy()
+        if name not in what.index or not len(points):
+            continue
+        facts, scale = what.loc[name], camera.width_px / picture.shape[1]
+        outer = ellipse.fit((points + 0.5) * scale - 0.5)
+        image = without_lines(picture) if facts.lines else picture
+        image = cv2.resize(image, camera.size_px, interpolation=cv2.INTER_AREA)
+        if facts.modality == "event":
+            image = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) * (SATURATION / 255)
+        for method, estimator in study.estimators(facts.modality, weights, limits[facts.modality]).items():
+            found = estimator(image, 0)
+            right = found.T_cam_port is not None and on_ring(found.T_cam_port, outer, camera)
+            rows.append({"picture": name, "method": method, "status": found.status, "ring_right": right})
+    return pd.DataFrame(rows)
+
+
+def on_ring(T_cam_port: Pose, outer, camera: Camera) -> bool:
+    ring = circle_ellipse(T_cam_port, Port.lm_map().ring_outer_radius_m, camera)
+    ratio = ring.semi_axes_px / outer.semi_axes_px
+    off_px = np.linalg.norm(ring.centre_px - outer.centre_px)
+    return bool(off_px < RIGHT_CENTRE_PX and np.all(np.abs(ratio - 1) < RIGHT_AXES))
+
+
+def curves(folder: Path, tuning: Sequence[Recording]) -> pd.DataFrame:
     """The test and the second scene by the number of images that the networks learned from."""
-    test = (bench, tests(*LIGHTS)[::2], {})
-    places, rows = {"test": test, "second scene": PLACES["second scene"]}, []
-    for weights in sorted(folder.glob("*-*")):
-        count, seed = map(int, weights.name.split("-"))
-        rows.append(at_places(weights, tuning, places)[0].assign(images_learned=count, seed=seed))
-    table = pd.concat(rows, ignore_index=True)
-    return table[table.method != study.GEOMETRY]
+    folders = sorted(folder.glob("*-*"))
+    limits = {f: {m: limits_of(f, m, tuning, (*UNLIMITED, *UNLEARNED)) for m in MODALITIES} for f in folders}
+    table = pd.concat(at_places(OF_CURVES, limits, UNLEARNED), ignore_index=True)
+    numbers = table.weights.str.split("-", expand=True).astype(int)
+    return table.drop(columns="weights").assign(images_learned=numbers[0], seed=numbers[1])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("weights", type=Path, metavar="FOLDER")
-    parser.add_argument("--curves", type=Path, metavar="FOLDER")
+    for option in ("--curves", "--pictures", "--samples"):
+        parser.add_argument(option, type=Path, metavar="FOLDER")
     a = parser.parse_args()
     torch.set_num_threads(1)
     tuning = [bench(name) for name in TUNING]
-    table, limits = at_places(a.weights, tuning)
-    cards = {p.stem: json.loads(p.with_suffix(".json").read_text())["recipe"]
-             for p in sorted(a.weights.glob("*.safetensors")) if "ckpt" not in p.name}  # fmt: skip
-    names = {place: names for place, (_, names, _) in PLACES.items()}
-    facts = {"limits": limits, "recipes": cards, "sequences": names}
-    save_table(RESULTS / "places.csv", table, **facts)
-    save_table(RESULTS / "cost.csv", costs(a.weights))
-    print(table.round(2).to_string())
+    limits = {m: limits_of(a.weights, m, tuning) for m in MODALITIES}
+    recipes = {p.stem: json.loads(p.with_suffix(".json").read_text())["recipe"]
+               for p in sorted(a.weights.glob("*.safetensors")) if "ckpt" not in p.name}  # fmt: skip
+    facts = {"limits": limits, "recipes": recipes}
+    if a.pictures:
+        save_table(PICTURES, of_pictures(a.pictures, a.weights, limits), **facts)
+    if a.samples:
+        save_table(COST, costs(a.weights, a.samples))
     if a.curves:
-        save_table(RESULTS / "curves.csv", curves(a.curves, tuning))
+        save_table(CURVES, curves(a.curves, tuning))
+    table = pd.concat(at_places(AT, {a.weights: limits}), ignore_index=True).drop(columns="weights")
+    names = {place: names for place, (_, names, _) in AT.items()}
+    save_table(PLACES, table, **facts, sequences=names)
+    print(table.round(2).to_string())
 
 
 if __name__ == "__main__":

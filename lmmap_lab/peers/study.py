@@ -15,18 +15,19 @@ from torch.utils.flop_counter import FlopCounterMode
 from lmmap.estimation.images import images
 from lmmap.evaluation.error_table import METRICS, errors
 from lmmap.pipeline.estimator import Estimator
+from lmmap.pipeline.printed import PrintedEstimator
 from lmmap.pipeline.weights import FILTERS, load_network
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Camera, Estimate, Port, Recording
 
 from ..studies.bootstrap import interval
+from ..studies.claims_of_mixing import GEOMETRY, OURSELVES, PRINTED
 from ..studies.reliability import confidences, joined
 from ..studies.right_and_wrong import right_and_wrong
 from ..training.dataset import spread
 from . import geometry
 from .train import PEERS, load, weights_path
 
-OURSELVES, GEOMETRY = "pipeline", "geometry"
 SHARES = ("right_percent", "wrong_percent", "none_percent")
 MOST_WRONG_PERCENT = 1.0  # of the tuning images, where a peer's limit on its confidence lies
 DRAWS = 2000  # of the sequences, for an interval
@@ -43,7 +44,8 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     weights
         A folder of what `train` saved.
     limits
-        Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own.
+        Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own, and
+        the paper's procedure has none.
     """
     limits = limits or {}
     least = PerCamera(*[limits.get(GEOMETRY, 0.0)] * 2)
@@ -54,6 +56,7 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     if all(path.exists() for path in filters):
         ring, reflectors = (load_network(path, modality, "float32") for path in filters)
         made[OURSELVES] = Estimator(camera, port, modality, (ring, reflectors))
+        made[PRINTED] = PrintedEstimator(camera, port, modality, (ring, reflectors))
     paths = {peer: weights_path(weights, peer, modality) for peer in PEERS}
     return made | {
         peer: load(path, camera, port, limits.get(peer, 0.0)) for peer, path in paths.items() if path.exists()
