@@ -1,4 +1,7 @@
-"""Drawings of the book's first page: the way from an image to a pose."""
+"""Drawings of the book's first page: the way from an image to a pose.
+
+``python -m lmmap_lab.pages.intro_page`` writes the picture that README shows, ``book/_static/steps.png``.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,11 @@ from lmmap.pipeline.ring import find_ring, skeleton_points
 from lmmap.settings import OURS, PAPER
 from lmmap.types import Camera, Ellipse, Estimate, Pose, Recording
 
+from ..bench import sequences
+from ..provenance import ROOT
 from ..studies.verdicts import ESTIMATORS
 from .drawings import COLOUR, outlines_px
-from .sliders import Step, broken
+from .sliders import Step, Strip, broken
 from .tables import rules, sentence_table
 
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
@@ -159,3 +164,8 @@ def _around(ellipse: Ellipse, camera: Camera) -> tuple[slice, slice]:
     corner = np.clip(ellipse.centre_px - [wide / 2, tall / 2], 0, camera.size_px - np.array([wide, tall]))
     left, top = corner.astype(int)
     return slice(top, top + tall), slice(left, left + wide)
+
+
+if __name__ == "__main__":
+    still = Strip(walk(sequences.simulate("test-medium", 0.4))[0], "step").still()
+    (ROOT / "book" / "_static" / "steps.png").write_bytes(still)
