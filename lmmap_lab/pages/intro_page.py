@@ -22,7 +22,7 @@ from lmmap.types import Camera, Ellipse, Estimate, Pose, Recording
 from ..bench import sequences
 from ..provenance import ROOT
 from ..studies.verdicts import ESTIMATORS
-from .drawings import COLOUR, outlines_px
+from .drawings import COLOUR, outlines_px, use_style
 from .sliders import Step, Strip, broken
 from .tables import rules, sentence_table
 
@@ -167,5 +167,7 @@ def _around(ellipse: Ellipse, camera: Camera) -> tuple[slice, slice]:
 
 
 if __name__ == "__main__":
+    use_style()
+    plt.rcParams.update({"savefig.transparent": False, "savefig.facecolor": "white"})
     still = Strip(walk(sequences.simulate("test-medium", 0.4))[0], "step").still()
     (ROOT / "book" / "_static" / "steps.png").write_bytes(still)
