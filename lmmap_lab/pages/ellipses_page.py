@@ -34,11 +34,11 @@ def ransac_steps(
         five = rng.choice(len(x), 5, replace=False)
         theta = five_point_conics(x, five[None])  # none where they do not determine one
         fitted, real = ellipse_from_conic(conic_matrix(theta))
-        on, contour, title = np.zeros(len(x), bool), NOTHING_PX, "no ellipse passes through these"
+        on, contour, title = np.zeros(len(x), bool), NOTHING_PX, "no ellipse passes through these five"
         if real.any():
             on = np.abs(sampson_distance(theta, x))[0] * scale < settings.ransac_tolerance_px
             contour = to_pixels(fitted, centre, scale).points(180)[0]
-            title = f"{on.sum()} of {len(x)} points lie on it"
+            title = f"{on.sum()} of {len(x)} points lie on the ellipse"
         most = max(most, on.sum())
         title = f"{title}; best so far {most}"
         steps.append(_step(f"{k + 1}", title, mask, points_px, on, points_px[five], contour))
@@ -68,5 +68,5 @@ def half_ellipse(
 def _step(label, title, mask, points_px, on, five_px, contour) -> Step:
     return Step(label, title, 0.4 * np.clip(mask, 0, 1), (
         ("points", points_px[~on], "event", "markers"), ("on the conic", points_px[on], "truth", "markers"),
-        ("conic", contour, "ours", "lines"), ("the five drawn", five_px, "rival", "markers"),
+        ("conic", contour, "ours", "lines"), ("the five drawn points", five_px, "rival", "markers"),
     ))  # fmt: skip

@@ -31,7 +31,7 @@ def window_steps(events, counts, camera: Camera, outline_px) -> list[Step]:
         title = f"{duration_ms:.1f} ms, in which the ring moves {shift_px:.1f} px"
         rings = (
             ("ring at the first event", first, "rival", "lines"),
-            ("ring at the last", last, "truth", "lines"),
+            ("ring at the last event", last, "truth", "lines"),
         )
         steps.append(Step(f"{count:,}", title, image, rings))
     return steps
