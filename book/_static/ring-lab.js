@@ -170,7 +170,7 @@
     const [[a, from], [b, to]] = [medians[k - 1], medians[k]];
     const median = from + ((to - from) * (lens_mm - a)) / (b - a);
     const where = median > most ? "above" : median < least ? "below" : "within";
-    return ` With this lens its median over the test's poses is <b>${median.toFixed(1)}°</b>, ${where} the ${least.toFixed(1)} to ${most.toFixed(1)}° of Table I.`;
+    return ` With this lens, its median error over the test's poses is <b>${median.toFixed(1)}°</b>, ${where} the ${least.toFixed(1)} to ${most.toFixed(1)}° of Table I.`;
   }
 
   function start(root) {
@@ -182,7 +182,7 @@
       <svg class="image" viewBox="-2 -2 350 264" tabindex="0" role="img" aria-label="the camera's image; drag or use the arrow keys to move the ring"></svg></div>
       <p class="legend"><span class="truth">the ring</span> <span class="twin">its twin</span> <span class="printed">the printed formula's circle</span> <span>× the ellipse's centre</span> <span><b class="ring-centre">●</b> the ring's centre</span></p>
       <div class="controls">${SLIDERS.map(([key, name, low, high, step]) => `<label>${name} <output></output><input type="range" name="${key}" min="${low}" max="${high}" step="${step}"></label>`).join("")}
-      <label class="check"><input type="checkbox" name="same_image"> with another lens, keep the size of the ring's image (the paper fixes only that)</label>
+      <label class="check"><input type="checkbox" name="same_image"> keep the size of the ring's image when the lens changes (the paper fixes only that size)</label>
       <p class="buttons"><button type="button" data-set='{"tilt_deg":0,"distance_m":0.6,"u_px":172.5,"v_px":129.5}'>head-on at 0.6 m</button> <button type="button" data-set='{"tilt_deg":45,"distance_m":0.6}'>45° at 0.6 m</button> <button type="button" data-set='${JSON.stringify(START)}'>start again</button></p></div>
       <p class="said" aria-live="polite"></p>`;
     const [space, image] = root.querySelectorAll("svg");
@@ -201,7 +201,7 @@
       root.querySelector(".said").innerHTML =
         `Printed formula: normal off by <b>${S.printed_deg.toFixed(1)}°</b>, position by ${S.printed_mm.toFixed(1)} mm.` +
         `${medianText(table, state)} Exact: ${S.exact_deg.toFixed(1)}°, and a twin ${S.twin_deg.toFixed(1)}° away. ` +
-        `The ellipse's centre is ${S.offset_px.toFixed(2)} px from the ring's.`;
+        `The ellipse's centre is ${S.offset_px.toFixed(2)} px from the image of the ring's centre.`;
     }
     const clamp = (key, value) => {
       const [, , low, high, step] = SLIDERS.find(([name]) => name === key);
