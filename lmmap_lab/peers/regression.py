@@ -1,9 +1,10 @@
-"""Learning alone: a network from an image to a pose, without geometry but for the camera's rays.
+"""Learning alone: networks from an image to a pose, without geometry but for the camera's rays.
 
-It answers with a rotation in the 6-D form (Zhou et al. 2019), turned as seen along the ray to the port, with
-this ray and with the logarithm of the depth; and with the logarithm of a scale of the error of each, which a
-Laplacian likelihood teaches it.  The loss takes the nearest of the rotations that the port's symmetry makes
-equal.
+A network answers with a rotation in the 6-D form (Zhou et al. 2019), turned as seen along the ray to the
+port, with this ray and with the logarithm of the depth; and with the logarithm of a scale of the error of
+each, which a Laplacian likelihood teaches it.  The rotation has three times the port's yaw: so a third of a
+turn changes nothing, and the answer has no jump that a network could not learn.  Trained on the rotation
+itself, with a loss that takes the nearest of three, networks learned positions but no yaw.
 """
 
 from __future__ import annotations
@@ -34,22 +35,22 @@ TURN = np.diag([1.0, -1.0, -1.0])  # and the rotation: head-on
 
 
 class PoseNet(nn.Module):
-    """Answers (N, 12) of images (N, C, 192, 256): two columns of the rotation, x / z, y / z and log z, and
+    """Answers (N, 12) of images (N, C, H, W): two columns of the rotation, x / z, y / z and log z, and
     the logarithms of three scales."""
 
-    def __init__(self, channels: int, width: int = SMALL):
+    def __init__(self, channels: int, width: int = SMALL, size_px=SIZE_PX, typical_m: float = TYPICAL_M):
         super().__init__()
         layers, last = [], channels
         for stage in STAGES:
             layers += [nn.Conv2d(last, stage * width, 3, 2, 1), nn.GroupNorm(8, stage * width), nn.ReLU()]
             last = stage * width
-        cells = np.prod(SIZE_PX) // 4 ** len(STAGES)
+        cells = np.prod(size_px) // 4 ** len(STAGES)
         self.body = nn.Sequential(*layers, nn.Conv2d(last, KEPT, 1), nn.ReLU(), nn.Flatten())
         self.head = nn.Sequential(nn.Linear(KEPT * cells, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, ANSWERS))
         nn.init.zeros_(self.head[-1].weight)
         with torch.no_grad():
             self.head[-1].bias.copy_(
-                torch.tensor([*TURN[:, 0], *TURN[:, 1], 0, 0, np.log(TYPICAL_M), 0, 0, 0])
+                torch.tensor([*TURN[:, 0], *TURN[:, 1], 0, 0, np.log(typical_m), 0, 0, 0])
             )
 
     def forward(self, x):
@@ -70,12 +71,10 @@ def rotations(columns: torch.Tensor) -> torch.Tensor:
     return torch.stack([x, y, torch.linalg.cross(x, y)], -1)
 
 
-def differences(answers: torch.Tensor, truth: torch.Tensor, symmetry: int = 3) -> torch.Tensor:
-    """How far answers (N, 12) are from truths (N, 9) in rotation, ray and logarithm of depth, (N, 3); of the
-    rotations that the symmetry makes equal the nearest counts, by Frobenius' norm."""
-    turns = torch.tensor(rotation_z(np.arange(symmetry) * 2 * np.pi / symmetry), dtype=truth.dtype)
-    equal = rotations(truth[:, None, :6]) @ turns.to(truth.device)
-    apart = (rotations(answers[:, None, :6]) - equal).flatten(2).norm(dim=-1).amin(1)
+def differences(answers: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """How far answers (N, 12) are from truths (N, 9) in rotation, by Frobenius' norm, in ray and in logarithm
+    of depth, (N, 3)."""
+    apart = (rotations(answers[:, :6]) - rotations(truth[:, :6])).flatten(1).norm(dim=-1)
     ray = (answers[:, 6:8] - truth[:, 6:8]).norm(dim=-1)
     return torch.stack([apart, ray, (answers[:, 8] - truth[:, 8]).abs()], -1)
 
@@ -93,17 +92,36 @@ def to_ray(position_m) -> np.ndarray:
                      [-x, -y, z]])  # fmt: skip
 
 
+def tripled(rotation: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) with the same normal and three times the yaw, which counts from `_upright`."""
+    upright = _upright(rotation[:, 2])
+    return upright @ np.linalg.matrix_power(upright.T @ rotation, 3)
+
+
+def thirded(rotation: np.ndarray) -> np.ndarray:
+    """Inverse of `tripled`, up to a third of a turn."""
+    upright = _upright(rotation[:, 2])
+    yaw = upright.T @ rotation
+    return upright @ rotation_z(np.arctan2(yaw[1, 0], yaw[0, 0]) / 3)
+
+
+def _upright(normal) -> np.ndarray:
+    """The head-on rotation, turned to a normal by the least rotation."""
+    return to_ray(-normal) @ TURN
+
+
 def encode_pose(T_cam_port: Pose) -> np.ndarray:
     """A pose as the network answers it, (9,) f32."""
-    seen, (x, y, z) = to_ray(T_cam_port.position_m).T @ T_cam_port.rotation, T_cam_port.position_m
+    seen = tripled(to_ray(T_cam_port.position_m).T @ T_cam_port.rotation)
+    x, y, z = T_cam_port.position_m
     return np.array([*seen[:, 0], *seen[:, 1], x / z, y / z, np.log(z)], np.float32)
 
 
 def decode_pose(answer: np.ndarray) -> Pose:
-    """Inverse of `encode_pose`."""
+    """Inverse of `encode_pose`, up to a third of a turn."""
     position_m = np.exp(float(answer[8])) * np.array([answer[6], answer[7], 1.0])
     seen = rotations(torch.tensor(np.asarray(answer[:6], float))).numpy()
-    return Pose(to_ray(position_m) @ seen, position_m)
+    return Pose(to_ray(position_m) @ thirded(seen), position_m)
 
 
 def shrink(image: np.ndarray) -> np.ndarray:
@@ -129,26 +147,32 @@ def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, 
     return image, Pose(turn @ R, turn @ p)
 
 
-def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
-    """A varied image (192, 256, ...) and its truth (9,).  The camera's lens has to be alike in all
-    directions."""
+def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
+    """Image, mask and pose of a sample, turned by any angle.  The lens has to be alike in all directions."""
     while True:  # a port out of the image has no pose to learn
         index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
-        image = samples.image(index, events_of(recipe, rng))
-        image, pose = rolled(image, samples.pose(index), angle_rad, mirror, camera)
+        true, image = samples.pose(index), samples.image(index, events_of(recipe, rng))
+        image, pose = rolled(image, true, angle_rad, mirror, camera)
         at = project(pose.position_m, camera)
         if np.all((at > 0) & (at < camera.size_px)):
-            break
-    mask = samples.mask(index).astype(np.float32)
-    mask, _ = rolled(mask, pose, angle_rad, mirror, camera)
-    image = image.astype(np.float32)
+            mask = samples.mask(index).astype(np.float32)
+            return image.astype(np.float32), rolled(mask, true, angle_rad, mirror, camera)[0], pose
+
+
+def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
+    """A varied image (192, 256, ...) and its truth (9,)."""
+    image, mask, pose = turned_sample(samples, recipe, camera, rng)
     return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]), encode_pose(pose)
 
 
 def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float]:
     """The pose of an image, and the chance that the predicted errors keep to the limits of a right pose."""
-    values = net(encode(shrink(image)[None], modality))[0].double().numpy()
+    return read(net, shrink(image), modality)
+
+
+def read(net, picture, modality, unit_m: float = 1.0) -> tuple[Pose, float]:
+    values = net(encode(picture[None], modality))[0].double().numpy()
     pose = decode_pose(values)
-    reach = OURS.right_position_m / pose.position_m[2]
+    reach = OURS.right_position_m / (unit_m * pose.position_m[2])
     limits = np.array([2**0.5 * OURS.right_normal_rad, reach, reach])
     return pose, float(np.prod(1 - np.exp(-limits / np.exp(values[9:].clip(*LOG_SCALES)))))

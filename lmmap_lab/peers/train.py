@@ -25,14 +25,15 @@ from lmmap.pipeline.weights import FILTERS, load_card, save_weights
 from lmmap.settings import MODALITIES
 from lmmap.types import Camera, Estimate, InputError, Port, Status
 
-from ..provenance import DERIVED_DATA, commit
+from ..provenance import DATA, DERIVED_DATA, commit
 from ..training import dataset
 from ..training import train as filters
 from ..training.batches import MASK_LOSS, Loss, learn
 from ..training.learning import seeded
 from ..training.recipe import SHIPPED, Recipe
-from . import points, regression, samples
+from . import crops, points, regression, samples
 
+WEIGHTS = DATA / "weights" / "peers"  # of the study
 CHECKPOINT_STEPS, CHECKED_BATCHES = 250, 4
 TRAINED_ON = Camera.davis346()
 
@@ -52,6 +53,7 @@ PEERS = {
     "pnp": Peer(points.network, points.sample, points.answer),
     "pose": _POSE,
     "pose-large": _POSE._replace(network=partial(regression.network, channels=regression.LARGE)),
+    "crop": Peer(crops.network, crops.sample, crops.answer_closely, regression.pose_loss),  # after "pose"
 }
 
 
@@ -160,6 +162,8 @@ def load(path: Path, camera: Camera | None = None, port: Port | None = None,
     peer, modality = card["peer"], card["recipe"]["modality"]
     net = PEERS[peer].network(modality, card["recipe"]["width"])
     net.load_state_dict({name: values.float() for name, values in load_tensors(content).items()})
+    if peer == "crop":
+        net = crops.Staged(load(weights_path(path.parent, "pose", modality)).net, net)
     return LearnedEstimator(peer, net, modality, camera, port, min_confidence)
 
 

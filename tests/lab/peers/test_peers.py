@@ -14,7 +14,7 @@ from lmmap.geometry.projection import project_points
 from lmmap.geometry.rotations import rotation_z
 from lmmap.types import EVENT, Camera, Estimate, Port, Pose, Recording, Status, Trajectory
 from lmmap_lab.bench.laboratory import sequence, sequence_motion
-from lmmap_lab.peers import geometry, points, regression, samples, study, train
+from lmmap_lab.peers import crops, geometry, points, regression, samples, study, train
 from lmmap_lab.training import dataset
 from lmmap_lab.training.recipe import Recipe
 
@@ -111,6 +111,25 @@ def test_a_rolled_image_shows_the_rolled_pose(mirror):
         assert difference.mean() < 6
 
 
+def test_a_crop_shows_the_port_as_a_camera_that_looks_at_it(rng):
+    (width, height), radius_px = crops.SIZE_PX, crops.RING_PX
+    for pose in POSES:
+        about_m = pose.position_m + np.array([0.01, -0.01, 0.02])
+        seen = crops.in_crop(pose, about_m)
+        back = crops.from_crop(seen, about_m)
+        assert (
+            position_error_m(back, pose) < 1e-12
+            and rotation_error_rad(back, pose, PORT.yaw_period_rad) < 1e-7
+        )
+        focal_px = radius_px * np.linalg.norm(about_m) / crops.RING_M
+        looking = Camera(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
+        metres = Pose(seen.rotation, np.linalg.norm(about_m) * seen.position_m)
+        difference = np.abs(crops.crop(drawn(pose), about_m, CAMERA) - drawn_by(looking, metres))
+        assert difference.mean() < 8
+        ring = circle_ellipse(metres, PORT.ring_radius_m, looking)
+        assert ring.semi_axes_px[0] == pytest.approx(radius_px, rel=0.15)
+
+
 @pytest.fixture(scope="module")
 def drawn_samples(tmp_path_factory):
     """Ten sequences of two drawn frames, and their names."""
@@ -125,14 +144,14 @@ def drawn_samples(tmp_path_factory):
     return folder, names
 
 
-@pytest.mark.parametrize("peer", ["pnp", "pose"])
+@pytest.mark.parametrize("peer", ["pnp", "pose", "crop"])
 def test_a_peer_learns_goes_on_where_it_was_and_answers(drawn_samples, tmp_path, monkeypatch, peer):
     folder, names = drawn_samples
-    small = train.PEERS[peer]._replace(network=_small(peer))
-    monkeypatch.setitem(train.PEERS, peer, small)
-    recipe = Recipe("ring", "rgb", steps=10, batch=2, rate=3e-3, warm_up=2)
+    for name in (peer, "pose"):
+        monkeypatch.setitem(train.PEERS, name, train.PEERS[name]._replace(network=_small(name)))
+    recipe = Recipe("ring", "rgb", steps=10, batch=2, rate=1e-3, warm_up=2)
 
-    def run(where):
+    def run(where, peer=peer):
         return train.train(peer, recipe, tmp_path / where, folder, names, every=5, report=lambda line: None)
 
     whole = run("whole")
@@ -152,6 +171,8 @@ def test_a_peer_learns_goes_on_where_it_was_and_answers(drawn_samples, tmp_path,
             run("cut")
     assert run("cut").read_bytes() == whole.read_bytes()
 
+    if peer == "crop":
+        run("whole", "pose")  # which says where to look
     answer = train.load(whole)(drawn(POSES[0]), 5)
     assert answer.t_us == 5
     assert 0 <= answer.confidence <= 1
@@ -161,6 +182,7 @@ def _small(peer):
     return {
         "pnp": lambda m, width: points.network(m, 1 / 8),
         "pose": lambda m, width: regression.network(m, 1 / 4),
+        "crop": lambda m, width: crops.network(m, 1 / 4),
     }[peer]
 
 
