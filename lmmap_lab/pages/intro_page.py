@@ -19,13 +19,14 @@ from lmmap.pipeline.ring import find_ring, skeleton_points
 from lmmap.settings import OURS, PAPER
 from lmmap.types import Camera, Ellipse, Estimate, Pose, Recording
 
-from ..bench import sequences
+from ..bench import laboratory, sequences
 from ..provenance import ROOT
 from ..studies.verdicts import ESTIMATORS
 from .drawings import COLOUR, outlines_px, use_style
 from .sliders import Step, Strip, broken
 from .tables import rules, sentence_table
 
+FRAME_MS = 358  # time in "test-medium" of the frame that the walk keeps to
 AROUND = 4.5  # how much of an image is shown, in semi-major axes of the ring
 REPRODUCE_MINUTES = 9  # of `make reproduce` on two cores, without the installation; README says the same
 # what a step does, what it gives, and its colour: see `draw_flow`
@@ -88,7 +89,8 @@ def scorecard(claims: pd.DataFrame):
         "claim": rows.index.map(HEADLINES) + rules(rows, with_numbers=True),
         "paper": rows.paper, "here": ours, "verdict": "<b>" + rows.verdict + "</b>",
     })  # fmt: skip
-    return sentence_table(table.map(lambda text: text.replace(" | ", " and ")))
+    table = sentence_table(table.map(lambda text: text.replace(" | ", " and ")))
+    return table.set_table_attributes('class="sentences claims"')
 
 
 def clean_pictures(found: pd.DataFrame, pictures: pd.DataFrame) -> pd.DataFrame:
@@ -99,6 +101,11 @@ def clean_pictures(found: pd.DataFrame, pictures: pd.DataFrame) -> pd.DataFrame:
     ]
     ours = found[(found.filters == OURS.weights) & found.local_search]
     return ours[ours.picture.isin(seen.picture)]
+
+
+def shown_pose() -> Pose:
+    """True pose of the port in the frame of the book's first figure."""
+    return laboratory.sequence_motion(laboratory.sequence("test-medium"), np.array([1e-3 * FRAME_MS]))[0]
 
 
 def walk(recording: Recording) -> tuple[list[Step], Estimate]:

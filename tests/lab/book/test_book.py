@@ -82,6 +82,11 @@ def test_a_page_opens_with_one_title_and_an_epigraph(page):
     assert re.match(r"\*[^*]", titles[0]), f"{page.name}: no epigraph under the title"
 
 
+@every_page
+def test_no_line_of_text_is_a_comment(page):
+    assert not re.search(r"^%(?! modules)", prose(page), re.M), "MyST drops a line that begins with %"
+
+
 @every_chapter
 def test_a_chapter_runs_in_the_environments_kernel_and_asserts(page):
     header = yaml.safe_load(page.read_text().split("---\n")[1])
