@@ -16,7 +16,6 @@ from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Recording
 
 from ..provenance import DATA
-from ..training import mask_quality
 from . import networks_page
 from .tables import CAMERAS, LIGHTS, sentence_table, shares_with_ends
 
@@ -110,21 +109,21 @@ def beside_default() -> pd.DataFrame:
     return pd.DataFrame(columns).rename(index=words).rename_axis([None, None])
 
 
-def worst_masks(networks: str, recording: Recording, most: int) -> list[tuple]:
+def worst_masks(networks: str, recording: Recording, quality: pd.DataFrame) -> list[tuple]:
     """Of a recording with truth, each camera's image whose ring mask by a set overlaps least with the truth.
 
     Parameters
     ----------
-    most
-        So many images of each camera are looked at, spread evenly over those with the ring in view.
+    quality
+        Fits of the masks, as `mask_quality.filter_quality` returns them.
 
     Returns
     -------
     For each camera ``(title, modality, image, true pose)``, as `networks_page.draw_masks` takes them.
     """
-    quality = mask_quality.filter_quality(recording, (networks,), most=most).query("filter == 'ring'")
     pictures = []
-    for modality, rows in quality.groupby("modality", sort=False):
+    rings = quality.query("filter == 'ring' and domain_gap == @networks")
+    for modality, rows in rings.groupby("modality", sort=False):
         worst = rows.loc[rows.iou.idxmin()]
         image = next(image for t_us, image in images(recording, modality) if t_us == worst.t_us)
         title = f"{CAMERAS[modality]}, overlap {worst.iou:.2f}"
@@ -132,12 +131,12 @@ def worst_masks(networks: str, recording: Recording, most: int) -> list[tuple]:
     return pictures
 
 
-def draw_failures(networks: str, recording: Recording, most: int = 10):
+def draw_failures(networks: str, recording: Recording, quality: pd.DataFrame):
     """Figure of the `worst_masks` of a set: each image, and beside it what its masks have wrong."""
     loaded = {
         (name, m): load_network(weight_path(name, m, networks), m) for name in FILTERS for m in CHANNELS
     }
-    pictures = worst_masks(networks, recording, most)
+    pictures = worst_masks(networks, recording, quality)
     fig, axes = plt.subplots(1, 2 * len(pictures), figsize=(7.6, 1.8))
     networks_page.draw_masks(axes.reshape(-1, 2), pictures, loaded, Port.lm_map())
     return fig

@@ -11,7 +11,7 @@ from lmmap.settings import OURS
 from lmmap_lab.bench.labels import label_masks
 from lmmap_lab.pages import model_cards
 from lmmap_lab.provenance import DATA
-from lmmap_lab.training.mask_quality import iou
+from lmmap_lab.training.mask_quality import filter_quality, iou
 
 
 @pytest.mark.parametrize("networks", SETS)
@@ -52,7 +52,7 @@ def test_the_trained_sensor_is_the_first_row():
 
 def test_a_card_shows_of_each_camera_an_image_and_its_overlap(port):
     recording = open_recording(DATA / "mini" / "test-low.aedat4")
-    pictures = model_cards.worst_masks("low", recording, 2)
+    pictures = model_cards.worst_masks("low", recording, filter_quality(recording, most=2))
     assert [modality for _, modality, *_ in pictures] == ["rgb", "event"]
     for title, modality, image, T_cam_port in pictures:
         mask = binarise(load_network(weight_path("ring", modality, "low"), modality)(image))
