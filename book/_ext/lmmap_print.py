@@ -71,6 +71,8 @@ def article(page: str, printed: set[str]) -> Tag:
             line.decompose()
     for part in body.select("[id]"):
         part["id"] = label(page, part["id"])
+    for copy in body.select("use"):
+        copy["href"] = "#" + label(page, copy["href"].removeprefix("#"))
     for picture in body.select("img"):
         picture["src"] = resolved(page, picture["src"])
         picture.attrs.pop("loading", None)

@@ -56,7 +56,9 @@ def test_the_contents_name_each_chapter_and_its_page():
 
 
 def test_a_slider_prints_the_step_that_it_shows_and_no_control(tmp_path, monkeypatch):
-    steps = '<div class="step" hidden="">1</div><div class="step">2</div><label>N<input type="range"></label>'
+    pictures = '<svg><image id="p"></image></svg><svg><use href="#p"></use></svg>'
+    steps = (f'<div class="step" hidden="">1</div><div class="step">2{pictures}</div>'
+             '<label>N<input type="range"></label>')  # fmt: skip
     page = (f'<article class="bd-article"><h1 id="a">A</h1><div class="steps">{steps}</div>'
             "<script>x</script></article>")  # fmt: skip
     (tmp_path / "book").mkdir()
@@ -65,3 +67,4 @@ def test_a_slider_prints_the_step_that_it_shows_and_no_control(tmp_path, monkeyp
     body = lmmap_print.article("book/port", {"book/port"})
     assert body.select_one(".steps").get_text() == "2" and not body.select("script, label")
     assert body["id"] == "port--" and body.h1["id"] == "port--a"
+    assert body.use["href"] == "#" + body.image["id"] == "#port--p"
