@@ -46,7 +46,7 @@ def hard_case_table(counts: pd.DataFrame, cases: Mapping[str, str]):
             "ellipse, paper (%)": paper_success(cases[name], modality),
             "ellipse, ours (%)": 100 * c.ellipses / c.images if modality != "fused" else np.nan,
             "pose, ours (%)": 100 * c.poses / c.images, "our images": c.images,
-            "off by (mm)": 1e3 * c.position_error_m, "normal (°)": c.normal_error_deg,
+            "position error (mm)": 1e3 * c.position_error_m, "normal error (°)": c.normal_error_deg,
         })  # fmt: skip
     table = pd.DataFrame(rows).set_index(["case", "camera"]).rename_axis(index=(None, None))
     return table.style.format(precision=1, na_rep="–").format("{:.0f}", subset=["our images"])

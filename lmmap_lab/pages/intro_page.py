@@ -43,8 +43,8 @@ HEADLINES = {  # claims of the paper by key, in short
     "events_win": "Trained without film, events beat frames in high light",
     "events_generalise": "Events generalise better than frames",
     "normal_poor": "The normal is far less accurate than the position",
-    "sensitivity_explains": "because one pixel can turn it by 8.9°",
-    "satellite_agnostic": "It works knowing nothing of the satellite but the port",
+    "sensitivity_explains": "One pixel, which can turn the normal by 8.9°, explains this",
+    "satellite_agnostic": "It needs to know nothing about the satellite except its port",
     "slow_blinds_events": "Slow motion blinds the event camera",
     "reflect_blinds_frames": "A full reflection blinds the RGB camera",
     "false_detections": "Without a port, false poses are rare",
@@ -127,7 +127,7 @@ def walk(recording: Recording) -> tuple[list[Step], Estimate]:
     frame = image / 255
     contour = ("ellipse", ring.points(181), "event", "lines")
     sheet = np.full(frame[rows, columns].shape[:2], 0.96)
-    space = Step("two normals", "Two circles in space have this image: blue and ochre, with their normals.",
+    space = Step("two normals", "Two circles in space (blue, ochre) with their normals have this image.",
                  sheet, _in_space(pair, port.ring_radius_m, sheet.shape))  # fmt: skip
     steps = [
         step("image", "A frame from the simulation.", frame),
@@ -136,7 +136,8 @@ def walk(recording: Recording) -> tuple[list[Step], Estimate]:
              ("skeleton", skeleton_points(mask), "event", "markers")),
         step("ellipse", "RANSAC fits an ellipse (orange).", frame, contour),
         space,
-        step("markers", "A second network marks the markers, which choose one circle and the yaw.", markers),
+        step("markers", "A second network finds the markers, which select one circle and give the yaw.",
+             markers),
         step("pose", "The pose of the port, drawn as its outline (orange).", frame,
              ("pose", broken(outlines_px(answer.T_cam_port, port, camera)), "event", "lines")),
     ]  # fmt: skip

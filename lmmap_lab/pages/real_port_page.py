@@ -87,8 +87,8 @@ def found_counts(pictures: pd.DataFrame, visible: list[str]) -> pd.DataFrame:
     seen = pictures[pictures.picture.isin(visible)]
     rings = seen.pivot_table(index="filters", columns="local_search", values="ring_right", aggfunc="sum")
     posed = seen[seen.local_search & (seen.status == "ok")].groupby("filters").ring_right
-    counts = {"right rings, first search": rings[False], "right rings, local search too": rings[True],
-              "poses": posed.size(), "poses of a wrong ring": posed.size() - posed.sum()}  # fmt: skip
+    counts = {"right rings, no local search": rings[False], "right rings, local search": rings[True],
+              "poses": posed.size(), "poses with a wrong ring": posed.size() - posed.sum()}  # fmt: skip
     table = pd.DataFrame(counts).loc[list(SETS)].fillna(0).astype(int)
     return table.rename(index=SETS).rename_axis(index=None)
 

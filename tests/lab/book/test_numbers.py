@@ -67,8 +67,8 @@ def test_the_limits_of_a_right_pose_are_glued_on_one_page(limit):
 
 def test_readme_and_pages_name_the_same_limits_and_minutes():
     millimetres, normal, rotation = (getattr(OURS, limit) for limit in LIMITS)
-    limits = f"{1e3 * millimetres:.0f} mm, {np.rad2deg(normal):.0f} degrees (normal) and"
-    assert f"{limits} {np.rad2deg(rotation):.0f} degrees (rotation)" in README
+    limits = f"{1e3 * millimetres:.0f} mm, {np.rad2deg(normal):.0f} degrees in the normal and"
+    assert f"{limits} {np.rad2deg(rotation):.0f} degrees in rotation" in README
     assert f"| {intro_page.REPRODUCE_MINUTES} min, " in README
     for place in ("intro.md", "check.md"):
         assert "intro_minutes" in PAGES[place] and "`make reproduce`" in PAGES[place]
@@ -104,7 +104,7 @@ def test_readme_has_the_rates_of_the_full_test():
         f"in {frames} % of the frames, in {events} % of the histograms and, fused, in {both} % of" in README
     )
     frames, events, both = (f"{wrong.loc[m].max():.1f} %" for m in ("rgb", "event", "fused"))
-    assert f"at most {frames} of the frames, {events} of the histograms and {both} of the times" in README
+    assert f"at most {frames} of the frames, {events} of the histograms and {both} of the instants" in README
 
 
 def test_readme_says_of_the_gap_what_the_study_says():

@@ -45,7 +45,7 @@ def test_its_shares_of_the_test_sequences_are_those_of_the_table():
     test = table[table.light != "no port"].pivot(index="light", columns="modality")
     right, wrong = test.right_percent.loc[list(LIGHTS)], test.wrong_percent.max()
     text = " ".join((ROOT / "README.md").read_text().split())
-    words = {"rgb": "of the frames", "event": "of the histograms", "fused": "of the times"}
+    words = {"rgb": "of the frames", "event": "of the histograms", "fused": "of the instants"}
     for modality, what in words.items():
         assert f"{', '.join(f'{r:.0f}' for r in right[modality])} % {what}" in text
         assert f"{wrong[modality]:.1f} % {what}" in text
