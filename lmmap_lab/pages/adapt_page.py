@@ -111,7 +111,7 @@ def before_and_after(recording, before, after, held_out: np.ndarray, port) -> pd
             off_mm = 1e3 * errors(recording, estimates, port).position_error_m
             rows[kind, when] = {
                 "images": len(estimates), "rings": sum(e.ellipse is not None for e in estimates),
-                "poses": off_mm.notna().sum(), "position off by at most (mm)": off_mm.max(),
+                "poses": off_mm.notna().sum(), "largest position error (mm)": off_mm.max(),
             }  # fmt: skip
     table = pd.DataFrame(rows).T
     return table.style.format("{:.0f}", na_rep="")

@@ -40,8 +40,8 @@ def training(networks: str) -> pd.DataFrame:
                 "network": f"{NETWORKS[name]}, {CAMERAS[modality]}",
                 "training sequences": ", ".join(kinds),
                 "images": card["training_images"], "steps": card["recipe"]["steps"],
-                "rate": card["recipe"]["rate"],
-                "begun from": card["recipe"]["start_from"] or "chance",
+                "learning rate": card["recipe"]["rate"],
+                "started from": card["recipe"]["start_from"] or "random weights",
                 "validation overlap": card["curve"][-1]["iou"], "sha256": card["sha256"][:12],
             })  # fmt: skip
     return pd.DataFrame(rows)

@@ -160,7 +160,7 @@ def cost_table(costs: pd.DataFrame) -> pd.DataFrame:
     """What a window's ring mask takes, in words; *needed* leaves out what is multiplied by zero."""
     words = {"network": "network", "slices": "slices", "operations": "operations (10⁹)",
              "operations_needed": "needed (10⁹)", "millijoule": "energy (mJ)",
-             "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes",
+             "millijoule_needed": "needed (mJ)", "spikes_a_neuron": "spikes per neuron",
              "core_ms": "time (ms)"}  # fmt: skip
     counts = ["operations", "operations_needed"]
     return costs.assign(**(1e-9 * costs[counts]))[list(words)].rename(columns=words)

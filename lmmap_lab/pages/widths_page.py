@@ -8,7 +8,8 @@ import pandas as pd
 from .drawings import COLOUR
 from .tables import CAMERAS, shares_with_ends
 
-SIZES = {"robust": "robust, as it ships", "further": "robust, trained on", "1": "full width", "2": "half",
+SIZES = {"robust": "robust, as it ships", "further": "robust, trained further",
+         "1": "full width", "2": "half",
          "4": "a quarter", "8": "an eighth", "depthwise": "depthwise"}  # fmt: skip
 TRAININGS = {"": "the truth", "-taught": "truth and robust", "-taught-seed1": "the same, second seed"}
 SAME = ("robust", "further")  # sets of the full width with trainings of their own
