@@ -20,7 +20,7 @@ function keepOptions() {
 addEventListener("DOMContentLoaded", keepOptions);
 
 // Says of a table or an equation that is wider than the page that it scrolls.
-const SCROLLS = ".cell_output .text_html, mjx-container[display='true']";
+const SCROLLS = ".cell_output .text_html, .pst-scrollable-table-container, mjx-container[display='true']";
 const marking = new ResizeObserver((entries) => {
   for (const { target } of entries)
     target.classList.toggle("wide", target.scrollWidth > target.clientWidth + 1);
