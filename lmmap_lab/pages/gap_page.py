@@ -73,7 +73,7 @@ def draw_sets(table: pd.DataFrame, place: str):
 def cost_table(table: pd.DataFrame, place: str = "film") -> pd.DataFrame:
     """What the gap costs frames and events and how much less events, with 95 % intervals in brackets: a row a
     measure and light."""
-    columns = {**{m: CAMERAS[m] for m in domain_gap.CAMERAS}, domain_gap.EITHER: "frames less events"}
+    columns = {**{m: CAMERAS[m] for m in domain_gap.CAMERAS}, domain_gap.EITHER: "frames minus events"}
     rows = {}
     for measure, (title, scale) in MEASURES.items():
         digits = 2 if scale == 1 else 0

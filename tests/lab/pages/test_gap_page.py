@@ -32,7 +32,7 @@ def test_the_cost_of_a_gap_stands_by_light_camera_and_seed(costs):
 
 def test_the_table_of_costs_says_who_loses_less(costs):
     table = gap_page.cost_table(costs)
-    assert table.loc[("overlap of the masks", "mean"), "frames less events"] == "0.10 (0.10 to 0.10)"
+    assert table.loc[("overlap of the masks", "mean"), "frames minus events"] == "0.10 (0.10 to 0.10)"
     assert table.loc[("right rings (%)", "low"), "frames"] == "20 (20 to 20)"
     words = "events lose less than frames in low and medium and high light"
     assert gap_page.lights_in_words(costs, "film", "mask_overlap") == words
