@@ -17,7 +17,7 @@ from .drawings import COLOUR, show_image
 from .sliders import Step
 from .tables import CAMERAS
 
-FITS = {"iou": "overlap", "skeleton_px": "skeleton (px)"}
+FITS = {"iou": "overlap", "skeleton_px": "skeleton error (px)"}
 
 
 def draw_architecture(ax, net, size_px) -> None:
@@ -102,7 +102,7 @@ def draw_masks(axes, pictures, networks, port: Port) -> None:
 def mask_table(table: pd.DataFrame):
     """`mask_quality.medians` by light, styled: a row per network, a column per measure of fit and light."""
     words = {"modality": CAMERAS, "filter": {"reflector": "markers"}}
-    names = {"domain_gap": "domain gap", "filter": "marks", "modality": "camera"}
+    names = {"domain_gap": "networks", "filter": "marks", "modality": "camera"}
     renamed, rows = table.replace(words).rename(columns=FITS | names), list(names.values())
     wide = renamed.pivot_table(list(FITS.values()), rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")

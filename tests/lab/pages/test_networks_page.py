@@ -19,7 +19,7 @@ def test_networks_stand_by_light_each_with_its_own_numbers():
     words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
     for light, f, m, gap, iou, skeleton_px in rows:
         assert wide.loc[(gap, words[f], words[m]), ("overlap", light)] == iou
-        assert wide.loc[(gap, words[f], words[m]), ("skeleton (px)", light)] == skeleton_px
+        assert wide.loc[(gap, words[f], words[m]), ("skeleton error (px)", light)] == skeleton_px
 
 
 def test_a_mask_is_judged_against_the_true_pose(port, camera):
