@@ -309,6 +309,13 @@ def test_captions_have_names_of_their_own_and_at_least_two_sentences(page):
             assert sentences(figure["caption"]) >= 2, f"{figure['name']}: {figure['caption']}"
 
 
+@every_page
+def test_the_title_of_a_fold_is_one_whole_line(page):
+    """MyST takes the rest of the line for the title, and the next line for the text."""
+    for title, text in re.findall(r"^:{3,}\{dropdown\} (.*)\n(.*)$", prose(page), re.M):
+        assert "**" not in title and not re.match(r"[a-z{]", text), title
+
+
 def words(page: Path) -> int:
     """Of a page's prose, without code, folds and equations; a number that is glued counts as one."""
     text = re.sub(r"\A---\n.*?\n---\n", "", prose(page), flags=re.S)
