@@ -27,13 +27,14 @@ import numpy as np
 import pandas as pd
 import torch
 from judge_gap import recorded as of_place
-from judge_pictures import RIGHT_AXES, RIGHT_CENTRE_PX, without_lines
+from judge_pictures import apart, is_right, without_lines
 from judged_images import of_light
 
 from lmmap.estimation.images import images
 from lmmap.geometry.conics import circle_ellipse
 from lmmap.pipeline import ellipse
 from lmmap.pipeline.network import SATURATION
+from lmmap.pipeline.weights import load_card
 from lmmap.settings import MODALITIES
 from lmmap.types import Camera, Port, Pose, Recording
 from lmmap_lab.bench import sequences, varied
@@ -113,7 +114,6 @@ def costs(weights: Path, samples: Path) -> pd.DataFrame:
     for modality in MODALITIES:
         image = next(iter(images(recording, modality)))[1]
         table = study.cost(study.estimators(modality, weights), image).assign(modality=modality)
-        torch.set_num_threads(1)
         trained = {name: ((name,) if name in train.PEERS else train.FILTERS) for name in table.method}
         trained[GEOMETRY] = ()
         ms = {p: step_ms(p, modality, weights, samples) for p in sorted({*sum(trained.values(), ())})}
@@ -122,8 +122,7 @@ def costs(weights: Path, samples: Path) -> pd.DataFrame:
 
 
 def step_ms(peer: str, modality: str, weights: Path, samples: Path) -> float:
-    card = json.loads(train.weights_path(weights, peer, modality).with_suffix(".json").read_text())
-    spent_s = []
+    card, spent_s = load_card(train.weights_path(weights, peer, modality)), []
     for steps in TIMED_STEPS:
         with TemporaryDirectory() as folder:
             start_s = time.perf_counter()
@@ -139,6 +138,7 @@ def of_pictures(folder: Path, weights: Path, limits: dict) -> pd.DataFrame:
     what = pd.read_csv(DATA / "paper" / "pictures.csv").set_index("picture")
     marked = pd.read_csv(DATA / "paper" / "picture-points.csv").query("kind == 'edge'")
     camera, rows = Camera.davis346(), []
+    makes = {m: study.estimators(m, weights, limits[m]) for m in MODALITIES}
     for name, picture in pictures(folder):
         points = marked[marked.picture == name][["u_px", "v_px"]].to_numpy()
         if name not in what.index or not len(points):
@@ -149,7 +149,7 @@ def of_pictures(folder: Path, weights: Path, limits: dict) -> pd.DataFrame:
         image = cv2.resize(image, camera.size_px, interpolation=cv2.INTER_AREA)
         if facts.modality == "event":
             image = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) * (SATURATION / 255)
-        for method, estimator in study.estimators(facts.modality, weights, limits[facts.modality]).items():
+        for method, estimator in makes[facts.modality].items():
             found = estimator(image, 0)
             right = found.T_cam_port is not None and on_ring(found.T_cam_port, outer, camera)
             rows.append({"picture": name, "method": method, "status": found.status, "ring_right": right})
@@ -158,9 +158,7 @@ def of_pictures(folder: Path, weights: Path, limits: dict) -> pd.DataFrame:
 
 def on_ring(T_cam_port: Pose, outer, camera: Camera) -> bool:
     ring = circle_ellipse(T_cam_port, Port.lm_map().ring_outer_radius_m, camera)
-    ratio = ring.semi_axes_px / outer.semi_axes_px
-    off_px = np.linalg.norm(ring.centre_px - outer.centre_px)
-    return bool(off_px < RIGHT_CENTRE_PX and np.all(np.abs(ratio - 1) < RIGHT_AXES))
+    return is_right(*apart(ring, outer, camera.width_px))
 
 
 def curves(folder: Path, tuning: Sequence[Recording]) -> pd.DataFrame:
@@ -181,7 +179,7 @@ def main() -> None:
     torch.set_num_threads(1)
     tuning = [bench(name) for name in TUNING]
     limits = {m: limits_of(a.weights, m, tuning) for m in MODALITIES}
-    recipes = {p.stem: json.loads(p.with_suffix(".json").read_text())["recipe"]
+    recipes = {p.stem: load_card(p)["recipe"]
                for p in sorted(a.weights.glob("*.safetensors")) if "ckpt" not in p.name}  # fmt: skip
     facts = {"limits": limits, "recipes": recipes}
     if a.pictures:

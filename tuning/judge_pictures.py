@@ -86,11 +86,11 @@ def judged(look: Look, picture, reflector_network, outer: Ellipse | None, seen) 
     columns |= {"ring_right": (e.ellipse is None) == (outer is None)}
     if e.ellipse and outer is not None:
         ring = look.ellipse_in(size_px)
-        to_davis = Camera.davis346().width_px / size_px[0]
-        ratio = ring.semi_axes_px * port.ring_outer_radius_m / port.ring_radius_m / outer.semi_axes_px
-        centre_px = float(np.hypot(*(ring.centre_px - outer.centre_px))) * to_davis
+        widened = ring.semi_axes_px * port.ring_outer_radius_m / port.ring_radius_m
+        found = Ellipse(ring.centre_px, widened, ring.angle_rad)
+        centre_px, ratio = apart(found, outer, size_px[0])
         columns |= {"centre_px": centre_px, "major_ratio": ratio[0], "minor_ratio": ratio[1]}
-        columns["ring_right"] = centre_px < RIGHT_CENTRE_PX and bool(np.all(np.abs(ratio - 1) < RIGHT_AXES))
+        columns["ring_right"] = is_right(centre_px, ratio)
     columns |= {"markers_seen": len(seen), "markers_found": 0, "pose_plausible": False}
     pose = e.T_cam_port or e.doubtful
     if pose is not None:
@@ -102,6 +102,19 @@ def judged(look: Look, picture, reflector_network, outer: Ellipse | None, seen) 
             nearest = np.linalg.norm(centres[:, None] - seen, axis=-1).min(0)
             columns["pose_plausible"] = bool(nearest.max() < MARKER_NEAR * outer.semi_axes_px[0])
     return columns
+
+
+def apart(found: Ellipse, outer: Ellipse, width_px: float) -> tuple[float, np.ndarray]:
+    """How far the outer edge that was found is from the true one, in a picture of this width: distance of the
+    centres in the DAVIS's pixels, and ratio of the semi-axes (2,)."""
+    to_davis = Camera.davis346().width_px / width_px
+    centre_px = float(np.hypot(*(found.centre_px - outer.centre_px))) * to_davis
+    return centre_px, found.semi_axes_px / outer.semi_axes_px
+
+
+def is_right(centre_px: float, ratio: np.ndarray) -> bool:
+    """Whether rings that are so far `apart` are one."""
+    return centre_px < RIGHT_CENTRE_PX and bool(np.all(np.abs(ratio - 1) < RIGHT_AXES))
 
 
 def outlined(look: Look, size_px) -> dict:

@@ -89,8 +89,7 @@ def scorecard(claims: pd.DataFrame):
         "claim": rows.index.map(HEADLINES) + rules(rows, with_numbers=True),
         "paper": rows.paper, "here": ours, "verdict": "<b>" + rows.verdict + "</b>",
     })  # fmt: skip
-    table = sentence_table(table.map(lambda text: text.replace(" | ", " and ")))
-    return table.set_table_attributes('class="sentences claims"')
+    return sentence_table(table.map(lambda text: text.replace(" | ", " and ")), "sentences claims")
 
 
 def clean_pictures(found: pd.DataFrame, pictures: pd.DataFrame) -> pd.DataFrame:

@@ -13,12 +13,12 @@ from .drawings import COLOUR, draw_estimate, draw_intervals, plain_log
 from .tables import CAMERAS
 
 METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "pose": "learned pose",
-           "pose-large": "learned pose, large", PRINTED: "mixed, as printed",
-           OURSELVES: "mixed, ours"}  # fmt: skip
-COLOURS = {GEOMETRY: "rival", "pnp": "event", "pose": "paper", "pose-large": "paper", PRINTED: "ink",
-           OURSELVES: "ours"}  # fmt: skip
+           "pose-large": "learned pose, large", "crop": "learned pose, then a crop",
+           PRINTED: "mixed, as printed", OURSELVES: "mixed, ours"}  # fmt: skip
+COLOURS = {GEOMETRY: "rival", "pnp": "event", "pose": "paper", "pose-large": "paper", "crop": "fused",
+           PRINTED: "ink", OURSELVES: "ours"}  # fmt: skip
 APART = 0.13  # of the methods at one place
-CURVES = {"test": "test", "second scene": "second scene"}
+CURVES = "test", "second scene"
 
 
 def draw_places(places: pd.DataFrame):
@@ -62,7 +62,7 @@ def draw_curves(curves: pd.DataFrame, places: pd.DataFrame):
         column[0].set_title(CAMERAS[modality])
         column[1].set_xlabel("labelled images")
     for ax, place in zip(axes[:, 0], CURVES, strict=True):
-        ax.set_ylabel(f"right poses (%), {CURVES[place]}")
+        ax.set_ylabel(f"right poses (%), {place}")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     fig.legend(handles, labels, fontsize=8, ncols=4, loc="outside lower center")
     return fig

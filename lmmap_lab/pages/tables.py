@@ -138,9 +138,9 @@ def small_intervals(table: pd.DataFrame):
     return table.style.format(lambda text: text.replace(" (", "<br><small>").replace(")", "</small>"))
 
 
-def sentence_table(table: pd.DataFrame):
+def sentence_table(table: pd.DataFrame, classes: str = "sentences"):
     """A styled table without index, whose cells may take several lines."""
-    return table.style.hide().set_table_attributes('class="sentences"')
+    return table.style.hide().set_table_attributes(f'class="{classes}"')
 
 
 def rules(claims: pd.DataFrame, with_numbers: bool = False) -> pd.Series:
@@ -156,8 +156,7 @@ def claim_table(claims: pd.DataFrame, columns: Mapping[str, pd.Series], with_num
     """A `sentence_table` of claims of the paper, each with what it is about and its `rules` in small print,
     and short ``columns``."""
     words = claims.claim + " <small>(" + claims.part + ")</small>" + rules(claims, with_numbers)
-    table = sentence_table(pd.DataFrame({"the paper's words": words, **columns}))
-    return table.set_table_attributes('class="sentences claims"')
+    return sentence_table(pd.DataFrame({"the paper's words": words, **columns}), "sentences claims")
 
 
 def to_html(styled) -> str:

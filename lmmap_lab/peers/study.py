@@ -44,8 +44,8 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     weights
         A folder of what `train` saved.
     limits
-        Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own, and
-        the paper's procedure has none.
+        Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own
+        limit, and the paper's procedure uses no confidence.
     """
     limits = limits or {}
     least = PerCamera(*[limits.get(GEOMETRY, 0.0)] * 2)
