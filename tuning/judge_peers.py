@@ -84,7 +84,7 @@ def limits_of(weights: Path, modality: str, recordings: Sequence[Recording], but
     if not kept.exists():
         makes = without(study.estimators(modality, weights), but)
         found = study.answered(recordings, modality, makes, MOST)
-        limits = {name: study.own_limit(*tables) for name, tables in found.items()}
+        limits = {name: study.own_limit(*tables[:2]) for name, tables in found.items()}
         kept.write_text(json.dumps(limits, indent=1) + "\n")
     return json.loads(kept.read_text())
 

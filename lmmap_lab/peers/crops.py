@@ -12,8 +12,8 @@ from lmmap.types import Camera, Port, Pose
 
 from ..training.batches import vary
 from ..training.recipe import Recipe
-from .regression import SMALL, PoseNet, answer, encode_pose, read, to_ray, turned_sample
-from .samples import PosedSamples
+from .regression import SMALL, PoseNet, answer, encode_pose, read, to_ray
+from .samples import PosedSamples, turned_sample
 
 SIZE_PX = (96, 96)
 RING_M, RING_PX = Port.lm_map().ring_radius_m, 30.0  # radius of the ring, and in a crop
@@ -58,7 +58,7 @@ def from_crop(pose: Pose, about_m: np.ndarray) -> Pose:
 
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
     """A varied crop (96, 96, ...), not quite about the port, and its truth (9,)."""
-    image, mask, pose = turned_sample(samples, recipe, camera, rng)
+    image, mask, pose, _ = turned_sample(samples, recipe, camera, rng)
     ray = pose.position_m / pose.position_m[2] + [*rng.normal(0, RAY_SIGMA, 2), 0]
     about_m = ray * pose.position_m[2] * np.exp(rng.normal(0, LOG_SIGMA))
     image, mask = (crop(a, about_m, camera) for a in (image, mask))

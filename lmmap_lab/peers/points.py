@@ -1,16 +1,19 @@
-"""Learning, then PnP: a network of the pipeline's layout marks points of the CAD, and PnP gives the pose.
+"""Learning, then PnP: a network marks points of the CAD, and PnP gives the pose.
 
 The port looks the same after a third of a turn, so no image tells which of its markers is the first.  A
 network that had to say so would learn a mean over all answers.  Here points that the symmetry takes into one
-another are one class with one heatmap of three peaks: the four corners of a marker, which differ within a
-small window of the image, and the ring's middle line beside a marker and between two.  Afterwards each
-peak's turn follows from its angle about the centre: with the peaks' ellipse made round, a class is `symmetry`
-points at equal angles, and the first of them may be any.
+another are one class with one heatmap of three peaks: the four corners of a marker, and four places on the
+ring's middle line.  Afterwards each peak's turn follows from its angle about the centre: with the peaks'
+ellipse made round, a class is `symmetry` points at equal angles, and the first of them may be any.
+
+The network is a U-Net (Ronneberger et al. 2015) that sees the whole port from each of its pixels.  One of the
+layout of the pipeline's sees 22 pixels to each side, in which no place on the ring differs from the next.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -19,14 +22,17 @@ from torch import nn
 from torch.nn import functional as F
 
 from lmmap.geometry.projection import project_points, undistort_points
-from lmmap.pipeline.network import CHANNELS, STRIDE_PX, WIDTHS, FilterNet, encode
+from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.types import Camera, Port, Pose
 
-from ..training.batches import events_of, vary
+from ..training.batches import vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples
+from .samples import PosedSamples, turned_sample
 
-CLASSES, MIRRORED = 6, [3, 2, 1, 0, 4, 5]  # the latter: what a mirror makes of each class
+ON_RING = 0.0, 0.25, 0.5, 0.75  # places, as parts of the period, from a marker's direction
+CLASSES = 4 + len(ON_RING)
+WIDTHS, GROUPS = (48, 96, 128, 192, 192), 4  # channels after each halving of the image, and their norms
+CROP_PX = 144  # of training, in which most of the port is seen
 PEAK_SIGMA_PX, LEAST_PEAK, PEAK_WINDOW = 1.5, 0.1, 5
 TOLERANCE_PX, LEAST_POINTS = 3.0, 6  # of PnP's inliers
 PRIOR = 1e-3  # of a heatmap's pixels
@@ -38,63 +44,58 @@ def points_m(port: Port) -> np.ndarray:
     turns = np.arange(port.symmetry) * port.yaw_period_rad
     ring = [
         port.ring_radius_m * np.stack([np.cos(turns + a), np.sin(turns + a), 0 * turns], -1)
-        for a in (0, port.yaw_period_rad / 2)
+        for a in port.yaw_period_rad * np.array(ON_RING)
     ]
     return np.concatenate([np.swapaxes(port.marker_corners_m(), 0, 1), ring])
 
 
-class PointNet(FilterNet):
-    """Logits (N, CLASSES, H, W): `FilterNet` with another last layer."""
+class PointNet(nn.Module):
+    """Logits (N, CLASSES, H, W) of images (N, C, H, W)."""
 
-    def __init__(self, channels: int, prior: float = PRIOR, widths=WIDTHS):
-        super().__init__(channels, prior, widths)
-        first = self.up[2]
-        self.up[2] = nn.ConvTranspose2d(first.in_channels, CLASSES, first.kernel_size, first.stride,
-                                        first.padding, first.output_padding)  # fmt: skip
-        nn.init.kaiming_normal_(self.up[2].weight)
-        nn.init.constant_(self.up[2].bias, first.bias.item())
+    def __init__(self, channels: int, widths=WIDTHS):
+        super().__init__()
+
+        def step(layer):
+            return nn.Sequential(layer, nn.GroupNorm(GROUPS, layer.out_channels), nn.ReLU())
+
+        self.down = nn.ModuleList(step(nn.Conv2d(i, o, 3, 1, 1)) for i, o in pairwise((channels, *widths)))
+        into = [widths[-1], *(2 * w for w in widths[-2::-1])]  # each but the first beside a skip connection
+        self.up = nn.ModuleList(
+            step(nn.ConvTranspose2d(i, o, 3, 2, 1, 1)) for i, o in zip(into, widths[-2::-1], strict=False)
+        )
+        self.last = nn.ConvTranspose2d(into[-1], CLASSES, 3, 2, 1, 1)
+        nn.init.constant_(self.last.bias, float(np.log(PRIOR / (1 - PRIOR))))
 
     def forward(self, x):
         height, width = x.shape[-2:]
-        x = F.pad(x, (0, -width % STRIDE_PX, 0, -height % STRIDE_PX), mode="replicate")
-        pooled = []
-        for convolution in self.down:
-            x = F.relu(F.max_pool2d(convolution(x), 2))
-            pooled.append(x)
-        x = torch.cat([F.relu(self.up[0](x)), pooled[1]], 1)
-        x = torch.cat([F.relu(self.up[1](x)), pooled[0]], 1)
-        return self.up[2](x)[..., :height, :width]
+        stride = 2 ** len(self.down)
+        x = F.pad(x, (0, -width % stride, 0, -height % stride), mode="replicate")
+        skipped = []
+        for layer in self.down:
+            x = F.max_pool2d(layer(x), 2)
+            skipped.append(x)
+        for layer, beside in zip(self.up, skipped[-2::-1], strict=True):
+            x = torch.cat([layer(x), beside], 1)
+        return self.last(x)[..., :height, :width]
 
 
 def network(modality: str, width: float = 1.0) -> PointNet:
     """An untrained network."""
-    return PointNet(CHANNELS[modality], widths=[round(width * w) for w in WIDTHS])
+    return PointNet(CHANNELS[modality], [round(width * w) for w in WIDTHS])
 
 
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
     """A varied crop (S, S, ...), most of them at a point, and its heatmaps (CLASSES, S, S)."""
-    index, other, size = rng.integers(len(samples)), rng.integers(len(samples)), recipe.crop_px
-    events = events_of(recipe, rng)
-    at = project_points(samples.pose(index), points_m(samples.port(index)), camera)
-    most = np.array(camera.size_px) - size
+    image, mask, pose, port = turned_sample(samples, recipe, camera, rng)
+    at = project_points(pose, points_m(port), camera)
+    most = np.array(camera.size_px) - CROP_PX
     corner = rng.integers(0, most + 1)
     if rng.random() < recipe.positive_crops:
         chosen = at[rng.integers(CLASSES), rng.integers(at.shape[1])]
-        corner = np.clip(np.rint(chosen) - rng.integers(0, size, 2), 0, most).astype(int)
-    window = tuple(slice(a, a + size) for a in corner[::-1])
-    image, mask, cover = (a[window] for a in (samples.image(index, events), samples.mask(index),
-                                              samples.image(other, events)))  # fmt: skip
-    cover = (
-        np.zeros(image.shape, np.float32) if samples.mask(other)[window].any() else cover.astype(np.float32)
-    )
-    heat = heatmaps(at - corner, (size, size))
-    turns, mirror = rng.integers(4), rng.random() < 0.5
-    image, mask = (np.rot90(a, turns) for a in (image.astype(np.float32), mask))
-    heat = np.rot90(heat, turns, (1, 2))
-    if mirror:
-        image, mask, heat = image[:, ::-1], mask[:, ::-1], heat[MIRRORED, :, ::-1]
-    image, mask = (np.ascontiguousarray(a) for a in (image, mask))
-    return vary(image, mask, cover, recipe, rng)[0], heat
+        corner = np.clip(np.rint(chosen) - rng.integers(0, CROP_PX, 2), 0, most).astype(int)
+    image, mask = (a[tuple(slice(c, c + CROP_PX) for c in corner[::-1])] for a in (image, mask))
+    image = vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]
+    return image, heatmaps(at - corner, (CROP_PX, CROP_PX))
 
 
 def heatmaps(points_px, shape: tuple[int, int]) -> np.ndarray:
@@ -110,18 +111,23 @@ def peaks(maps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The ``count`` highest peaks of each heatmap (K, H, W): pixels (K, count, 2), NaN where there are fewer,
     and their heights (K, count)."""
     at, heights = np.full((len(maps), count, 2), np.nan), np.zeros((len(maps), count))
+    window = np.ones((PEAK_WINDOW, PEAK_WINDOW), np.uint8)
     for k, values in enumerate(maps):
-        window = np.ones((PEAK_WINDOW, PEAK_WINDOW), np.uint8)
         v, u = np.nonzero((values == cv2.dilate(values, window)) & (values > LEAST_PEAK))
         highest = np.argsort(-values[v, u], kind="stable")[:count]
-        for n, (y, x) in enumerate(zip(v[highest], u[highest], strict=True)):
-            rows, columns = (slice(max(c - 2, 0), c + 3) for c in (y, x))
-            weight = values[rows, columns] + 1e-9
-            grid = np.mgrid[rows.start : rows.start + weight.shape[0],
-                            columns.start : columns.start + weight.shape[1]]  # fmt: skip
-            at[k, n] = np.average(grid.reshape(2, -1)[::-1], axis=1, weights=weight.ravel())
-            heights[k, n] = values[y, x]
+        v, u, found = v[highest], u[highest], slice(len(highest))
+        log = np.log(np.pad(values, 1, mode="edge") + 1e-6)
+        across, down = ([log[v + 1 + i, u + 1 + j] for i, j in ends]
+                        for ends in (((0, -1), (0, 0), (0, 1)), ((-1, 0), (0, 0), (1, 0))))  # fmt: skip
+        at[k, found] = np.stack([u + _top(*across), v + _top(*down)], -1)
+        heights[k, found] = values[v, u]
     return at, heights
+
+
+def _top(before, at, after) -> np.ndarray:
+    """Where a parabola through three samples, of which the middle one is highest, is highest."""
+    bend = before - 2 * at + after
+    return np.divide(before - after, 2 * bend, out=np.zeros_like(bend), where=bend < 0).clip(-0.5, 0.5)
 
 
 def assign(points_px: np.ndarray, port: Port) -> np.ndarray:

@@ -15,15 +15,14 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from lmmap.geometry.projection import project
 from lmmap.geometry.rotations import rotation_z
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
-from ..training.batches import events_of, vary
+from ..training.batches import vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples
+from .samples import PosedSamples, turned_sample
 
 STAGES = (1, 2, 4, 8, 8)  # channels after each halving of the image, in the first stage's
 SMALL, LARGE = 32, 128  # channels of the first stage: as many weights as both filters have, and ten times
@@ -130,38 +129,9 @@ def shrink(image: np.ndarray) -> np.ndarray:
     return small if image.ndim == 3 else small * (image.size / small.size)
 
 
-def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera):
-    """An image and its pose as another camera sees them: turned about the optical axis, and before that
-    mirrored.  A mirror image of the port is the port, for it is symmetric about the marker's direction.
-    """
-    R, p = T_cam_port.rotation, T_cam_port.position_m
-    if mirror:
-        flip = np.diag([-1.0, 1.0, 1.0])
-        R, p = flip @ R @ np.diag([1.0, -1.0, 1.0]), flip @ p
-    turn = rotation_z(angle_rad)
-    centre, across = np.array([camera.cx_px, camera.cy_px]), np.array([-1.0 if mirror else 1.0, 1.0])
-    matrix = turn[:2, :2] * across
-    shift = centre - matrix @ centre
-    image = cv2.warpAffine(image, np.column_stack([matrix, shift]), camera.size_px,
-                           flags=cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST)  # fmt: skip
-    return image, Pose(turn @ R, turn @ p)
-
-
-def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
-    """Image, mask and pose of a sample, turned by any angle.  The lens has to be alike in all directions."""
-    while True:  # a port out of the image has no pose to learn
-        index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
-        true, image = samples.pose(index), samples.image(index, events_of(recipe, rng))
-        image, pose = rolled(image, true, angle_rad, mirror, camera)
-        at = project(pose.position_m, camera)
-        if np.all((at > 0) & (at < camera.size_px)):
-            mask = samples.mask(index).astype(np.float32)
-            return image.astype(np.float32), rolled(mask, true, angle_rad, mirror, camera)[0], pose
-
-
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
     """A varied image (192, 256, ...) and its truth (9,)."""
-    image, mask, pose = turned_sample(samples, recipe, camera, rng)
+    image, mask, pose, _ = turned_sample(samples, recipe, camera, rng)
     return shrink(vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]), encode_pose(pose)
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import cv2
 import joblib
 import numpy as np
 
-from lmmap.types import Port, Pose, Recording
+from lmmap.geometry.projection import project
+from lmmap.geometry.rotations import rotation_z
+from lmmap.types import Camera, Port, Pose, Recording
 
 from ..bench import sequences, varied
 from ..provenance import fingerprint
 from ..training import dataset
+from ..training.batches import events_of
+from ..training.recipe import Recipe
 
 
 def posed_samples(recording: Recording, count: int, port: Port) -> dict[str, np.ndarray]:
@@ -68,3 +73,34 @@ class PosedSamples(dataset.Samples):
     def port(self, index: int) -> Port:
         """The port that the image shows."""
         return port_of(self._places[index][0])
+
+
+def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera):
+    """An image and its pose as another camera sees them: turned about the optical axis, and before that
+    mirrored.  A mirror image of the port is the port, for it is symmetric about the marker's direction.
+    """
+    R, p = T_cam_port.rotation, T_cam_port.position_m
+    if mirror:
+        flip = np.diag([-1.0, 1.0, 1.0])
+        R, p = flip @ R @ np.diag([1.0, -1.0, 1.0]), flip @ p
+    turn = rotation_z(angle_rad)
+    centre, across = np.array([camera.cx_px, camera.cy_px]), np.array([-1.0 if mirror else 1.0, 1.0])
+    matrix = turn[:2, :2] * across
+    shift = centre - matrix @ centre
+    image = cv2.warpAffine(image, np.column_stack([matrix, shift]), camera.size_px,
+                           flags=cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST)  # fmt: skip
+    return image, Pose(turn @ R, turn @ p)
+
+
+def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
+    """Image, mask, pose and port of a sample, turned by any angle.  The lens has to be alike in all
+    directions."""
+    while True:  # a port out of the image has no pose to learn
+        index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
+        true, image = samples.pose(index), samples.image(index, events_of(recipe, rng))
+        image, pose = rolled(image, true, angle_rad, mirror, camera)
+        at = project(pose.position_m, camera)
+        if np.all((at > 0) & (at < camera.size_px)):
+            mask = samples.mask(index).astype(np.float32)
+            mask = rolled(mask, true, angle_rad, mirror, camera)[0]
+            return image.astype(np.float32), mask, pose, samples.port(index)

@@ -28,11 +28,13 @@ from ..training.dataset import spread
 from . import geometry
 from .train import PEERS, load, weights_path
 
-SHARES = ("right_percent", "wrong_percent", "none_percent")
+KINDS = ("right", "wrong", "none")
+SHARES = tuple(f"{kind}_percent" for kind in KINDS)
 MOST_WRONG_PERCENT = 1.0  # of the tuning images, where a peer's limit on its confidence lies
 DRAWS = 2000  # of the sequences, for an interval
 ROUNDS = 20  # of timed images
 Answer = Callable[[np.ndarray, int], Estimate]
+Found = dict[str, tuple[list, list, list]]  # three tables of each recording, by method
 
 
 def estimators(modality: str, weights: Path, limits: dict[str, float] | None = None,
@@ -110,10 +112,11 @@ def cost(makes: dict[str, Answer], image: np.ndarray) -> pd.DataFrame:
 
 
 def answered(recordings: Iterable[Recording], modality: str, makes: dict[str, Answer],
-             most: int | None = None, port: Port | None = None) -> dict[str, tuple[list, list]]:  # fmt: skip
-    """By method, `error_table.errors` and `reliability.confidences` of the same images of recordings with
-    truth: of each recording at most ``most``, evenly spread."""
-    port, found = port or Port.lm_map(), {name: ([], []) for name in makes}
+             most: int | None = None, port: Port | None = None) -> Found:  # fmt: skip
+    """By method, tables of the same images of recordings with truth, of each at most ``most``, evenly spread:
+    `error_table.errors` of the poses reported, `reliability.confidences`, and errors of every pose, the
+    doubtful ones too."""
+    port, found = port or Port.lm_map(), {name: ([], [], []) for name in makes}
     for recording in recordings:
         shots = list(images(recording, modality))
         shots = [shots[i] for i in spread(len(shots), most or len(shots))]
@@ -121,16 +124,21 @@ def answered(recordings: Iterable[Recording], modality: str, makes: dict[str, An
             answers = [estimator(image, t_us) for t_us, image in shots]
             found[name][0].append(errors(recording, answers, port))
             found[name][1].append(confidences(recording, answers, port))
+            every = [replace(answer, T_cam_port=answer.found) for answer in answers]
+            found[name][2].append(errors(recording, every, port))
     return found
 
 
-def side_by_side(found: dict[str, tuple[list, list]]) -> pd.DataFrame:
+def side_by_side(found: Found) -> pd.DataFrame:
     """A row a method: right, wrong and none in percent of the images with the ring in view, with 95 %
-    intervals over sequences (``_low``, ``_high``), and median errors of the poses given."""
-    return pd.DataFrame(
-        [{"method": name, **shares(tables), **pd.concat(tables)[list(METRICS)].median()}
-         for name, (tables, _) in found.items()]
-    )  # fmt: skip
+    intervals over sequences (``_low``, ``_high``); the same if every pose were reported (``every_``); and the
+    median errors of every pose."""
+    rows = []
+    for name, (tables, _, every) in found.items():
+        of_every = {f"every_{what}": share for what, share in shares(every).items() if what.startswith(KINDS)}
+        rows.append({"method": name, **shares(tables), **of_every,
+                     **pd.concat(every)[list(METRICS)].median()})  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def shares(tables: list[pd.DataFrame]) -> dict[str, float]:
