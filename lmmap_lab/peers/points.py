@@ -32,7 +32,7 @@ from .samples import PosedSamples, turned_sample
 ON_RING = 0.0, 0.25, 0.5, 0.75  # places, as parts of the period, from a marker's direction
 CLASSES = 4 + len(ON_RING)
 WIDTHS, GROUPS = (48, 96, 128, 192, 192), 4  # channels after each halving of the image, and their norms
-CROP_PX = 144  # of training, in which most of the port is seen
+CROP_PX = 128  # of training, in which most of the port is seen
 PEAK_SIGMA_PX, LEAST_PEAK, PEAK_WINDOW = 1.5, 0.1, 5
 TOLERANCE_PX, LEAST_POINTS = 3.0, 6  # of PnP's inliers
 PRIOR = 1e-3  # of a heatmap's pixels
@@ -58,7 +58,7 @@ class PointNet(nn.Module):
         def step(layer):
             return nn.Sequential(layer, nn.GroupNorm(GROUPS, layer.out_channels), nn.ReLU())
 
-        self.down = nn.ModuleList(step(nn.Conv2d(i, o, 3, 1, 1)) for i, o in pairwise((channels, *widths)))
+        self.down = nn.ModuleList(step(nn.Conv2d(i, o, 3, 2, 1)) for i, o in pairwise((channels, *widths)))
         into = [widths[-1], *(2 * w for w in widths[-2::-1])]  # each but the first beside a skip connection
         self.up = nn.ModuleList(
             step(nn.ConvTranspose2d(i, o, 3, 2, 1, 1)) for i, o in zip(into, widths[-2::-1], strict=False)
@@ -72,7 +72,7 @@ class PointNet(nn.Module):
         x = F.pad(x, (0, -width % stride, 0, -height % stride), mode="replicate")
         skipped = []
         for layer in self.down:
-            x = F.max_pool2d(layer(x), 2)
+            x = layer(x)
             skipped.append(x)
         for layer, beside in zip(self.up, skipped[-2::-1], strict=True):
             x = torch.cat([layer(x), beside], 1)
