@@ -19,6 +19,7 @@ SIZE_PX = (96, 96)
 RING_M, RING_PX = Port.lm_map().ring_radius_m, 30.0  # radius of the ring, and in a crop
 RAY_SIGMA, LOG_SIGMA = 0.03, 0.08  # of a crop's ray and depth from the true ones, in training
 CROPS = 2  # each about the answer before it
+UNTURNED = np.eye(3)
 
 
 def network(modality: str, width: float = 1.0) -> PoseNet:
@@ -34,12 +35,13 @@ class Staged(nn.Module):
         self.whole, self.crop = whole, crop
 
 
-def crop(image: np.ndarray, about_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """What a camera sees that looks at a position, in which the ring has `RING_PX`."""
+def crop(image: np.ndarray, about_m: np.ndarray, camera: Camera, turned: np.ndarray = UNTURNED) -> np.ndarray:
+    """What a camera sees that looks at a position, in which the ring has `RING_PX`, after ``turned`` (3, 3)
+    has moved the image's pixels."""
     size = np.array(SIZE_PX)
     focal_px = RING_PX * np.linalg.norm(about_m) / RING_M
     K = np.array([[focal_px, 0, (size[0] - 1) / 2], [0, focal_px, (size[1] - 1) / 2], [0, 0, 1]])
-    matrix = K @ to_ray(about_m).T @ np.linalg.inv(camera.K)
+    matrix = K @ to_ray(about_m).T @ np.linalg.inv(camera.K) @ turned
     seen = cv2.warpPerspective(image.astype(np.float32), matrix, SIZE_PX, flags=cv2.INTER_LINEAR)
     return seen if image.ndim == 3 else seen * (camera.fx_px / focal_px) ** 2
 
@@ -58,10 +60,10 @@ def from_crop(pose: Pose, about_m: np.ndarray) -> Pose:
 
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
     """A varied crop (96, 96, ...), not quite about the port, and its truth (9,)."""
-    image, mask, pose, _ = turned_sample(samples, recipe, camera, rng)
+    image, mask, matrix, pose, _ = turned_sample(samples, recipe, camera, rng)
     ray = pose.position_m / pose.position_m[2] + [*rng.normal(0, RAY_SIGMA, 2), 0]
     about_m = ray * pose.position_m[2] * np.exp(rng.normal(0, LOG_SIGMA))
-    image, mask = (crop(a, about_m, camera) for a in (image, mask))
+    image, mask = (crop(a, about_m, camera, matrix) for a in (image, mask))
     image = vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]
     return image, encode_pose(in_crop(pose, about_m))
 

@@ -27,7 +27,7 @@ from lmmap.types import Camera, Port, Pose
 
 from ..training.batches import vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples, turned_sample
+from .samples import PosedSamples, turned_sample, warp
 
 ON_RING = 0.0, 0.25, 0.5, 0.75  # places, as parts of the period, from a marker's direction
 CLASSES = 4 + len(ON_RING)
@@ -86,15 +86,16 @@ def network(modality: str, width: float = 1.0) -> PointNet:
 
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
     """A varied crop (S, S, ...), most of them at a point, and its heatmaps (CLASSES, S, S)."""
-    image, mask, pose, port = turned_sample(samples, recipe, camera, rng)
+    image, mask, matrix, pose, port = turned_sample(samples, recipe, camera, rng)
     at = project_points(pose, points_m(port), camera)
     most = np.array(camera.size_px) - CROP_PX
     corner = rng.integers(0, most + 1)
     if rng.random() < recipe.positive_crops:
         chosen = at[rng.integers(CLASSES), rng.integers(at.shape[1])]
         corner = np.clip(np.rint(chosen) - rng.integers(0, CROP_PX, 2), 0, most).astype(int)
-    image, mask = (a[tuple(slice(c, c + CROP_PX) for c in corner[::-1])] for a in (image, mask))
-    image = vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]
+    matrix[:2] -= corner[:, None] * matrix[2]
+    image, mask = (warp(a, matrix, (CROP_PX, CROP_PX)) for a in (image, mask))
+    image = vary(image.astype(np.float32), mask > 0, np.zeros(image.shape, np.float32), recipe, rng)[0]
     return image, heatmaps(at - corner, (CROP_PX, CROP_PX))
 
 

@@ -75,32 +75,34 @@ class PosedSamples(dataset.Samples):
         return port_of(self._places[index][0])
 
 
-def rolled(image: np.ndarray, T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera):
-    """An image and its pose as another camera sees them: turned about the optical axis, and before that
-    mirrored.  A mirror image of the port is the port, for it is symmetric about the marker's direction.
+def roll(T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera) -> tuple[np.ndarray, Pose]:
+    """Pixels (3, 3), as a homography, and pose as another camera sees them: turned about the optical axis,
+    and before that mirrored.  A mirror image of the port is the port, for it is symmetric about the marker's
+    direction.
     """
     R, p = T_cam_port.rotation, T_cam_port.position_m
+    turn, flip = rotation_z(angle_rad), np.diag([-1.0 if mirror else 1.0, 1.0, 1.0])
     if mirror:
-        flip = np.diag([-1.0, 1.0, 1.0])
         R, p = flip @ R @ np.diag([1.0, -1.0, 1.0]), flip @ p
-    turn = rotation_z(angle_rad)
-    centre, across = np.array([camera.cx_px, camera.cy_px]), np.array([-1.0 if mirror else 1.0, 1.0])
-    matrix = turn[:2, :2] * across
-    shift = centre - matrix @ centre
-    image = cv2.warpAffine(image, np.column_stack([matrix, shift]), camera.size_px,
-                           flags=cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST)  # fmt: skip
-    return image, Pose(turn @ R, turn @ p)
+    matrix, centre = turn @ flip, np.array([camera.cx_px, camera.cy_px])
+    matrix[:2, 2] = centre - matrix[:2, :2] @ centre
+    return matrix, Pose(turn @ R, turn @ p)
+
+
+def warp(image: np.ndarray, matrix: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+    """A frame, or a histogram or mask whose values stay, with its pixels moved by a homography (3, 3)."""
+    flags = cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST
+    return cv2.warpPerspective(image, matrix, size_px, flags=flags)
 
 
 def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
-    """Image, mask, pose and port of a sample, turned by any angle.  The lens has to be alike in all
-    directions."""
+    """Image and mask of a sample as they are, and what turns them by any angle: the pixels' homography, with
+    the pose and the port after it.  The lens has to be alike in all directions."""
     while True:  # a port out of the image has no pose to learn
         index, angle_rad, mirror = rng.integers(len(samples)), rng.uniform(-np.pi, np.pi), rng.random() < 0.5
-        true, image = samples.pose(index), samples.image(index, events_of(recipe, rng))
-        image, pose = rolled(image, true, angle_rad, mirror, camera)
+        matrix, pose = roll(samples.pose(index), angle_rad, mirror, camera)
+        events = events_of(recipe, rng)
         at = project(pose.position_m, camera)
         if np.all((at > 0) & (at < camera.size_px)):
-            mask = samples.mask(index).astype(np.float32)
-            mask = rolled(mask, true, angle_rad, mirror, camera)[0]
-            return image.astype(np.float32), mask, pose, samples.port(index)
+            mask = samples.mask(index).astype(np.uint8)
+            return samples.image(index, events), mask, matrix, pose, samples.port(index)

@@ -109,7 +109,8 @@ def test_a_pose_is_its_code_and_its_loss_does_not_know_a_third_of_a_turn():
 @pytest.mark.parametrize("mirror", [False, True])
 def test_a_rolled_image_shows_the_rolled_pose(mirror):
     for pose in POSES:
-        image, turned = samples.rolled(drawn(pose), pose, 0.7, mirror, CAMERA)
+        matrix, turned = samples.roll(pose, 0.7, mirror, CAMERA)
+        image = samples.warp(drawn(pose), matrix, CAMERA.size_px)
         assert np.linalg.det(turned.rotation) == pytest.approx(1)
         expected = drawn(turned)
         around = project_points(turned, points.points_m(PORT), CAMERA).reshape(-1, 2)
