@@ -33,7 +33,8 @@ ON_RING = 0.0, 0.25, 0.5, 0.75  # places, as parts of the period, from a marker'
 CLASSES = 4 + len(ON_RING)
 WIDTHS, GROUPS = (48, 96, 128, 192, 192), 4  # channels after each halving of the image, and their norms
 CROP_PX = 128  # of training, in which most of the port is seen
-PEAK_SIGMA_PX, LEAST_PEAK, PEAK_WINDOW = 1.5, 0.1, 5
+STRIDE_PX = 2  # of a heatmap
+PEAK_SIGMA, LEAST_PEAK, PEAK_WINDOW = 1.0, 0.1, 5  # the first and the last in pixels of a heatmap
 TOLERANCE_PX, LEAST_POINTS = 3.0, 6  # of PnP's inliers
 PRIOR = 1e-3  # of a heatmap's pixels
 
@@ -50,7 +51,7 @@ def points_m(port: Port) -> np.ndarray:
 
 
 class PointNet(nn.Module):
-    """Logits (N, CLASSES, H, W) of images (N, C, H, W)."""
+    """Logits (N, CLASSES, H / 2, W / 2), rounded up, of images (N, C, H, W)."""
 
     def __init__(self, channels: int, widths=WIDTHS):
         super().__init__()
@@ -63,20 +64,20 @@ class PointNet(nn.Module):
         self.up = nn.ModuleList(
             step(nn.ConvTranspose2d(i, o, 3, 2, 1, 1)) for i, o in zip(into, widths[-2::-1], strict=False)
         )
-        self.last = nn.ConvTranspose2d(into[-1], CLASSES, 3, 2, 1, 1)
+        self.last = nn.Conv2d(into[-1], CLASSES, 3, 1, 1)
         nn.init.constant_(self.last.bias, float(np.log(PRIOR / (1 - PRIOR))))
 
     def forward(self, x):
         height, width = x.shape[-2:]
-        stride = 2 ** len(self.down)
-        x = F.pad(x, (0, -width % stride, 0, -height % stride), mode="replicate")
+        whole = 2 ** len(self.down)
+        x = F.pad(x, (0, -width % whole, 0, -height % whole), mode="replicate")
         skipped = []
         for layer in self.down:
             x = layer(x)
             skipped.append(x)
         for layer, beside in zip(self.up, skipped[-2::-1], strict=True):
             x = torch.cat([layer(x), beside], 1)
-        return self.last(x)[..., :height, :width]
+        return self.last(x)[..., : -(-height // STRIDE_PX), : -(-width // STRIDE_PX)]
 
 
 def network(modality: str, width: float = 1.0) -> PointNet:
@@ -85,7 +86,7 @@ def network(modality: str, width: float = 1.0) -> PointNet:
 
 
 def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[np.ndarray, np.ndarray]:
-    """A varied crop (S, S, ...), most of them at a point, and its heatmaps (CLASSES, S, S)."""
+    """A varied crop (S, S, ...), most of them at a point, and its heatmaps (CLASSES, S / 2, S / 2)."""
     image, mask, matrix, pose, port = turned_sample(samples, recipe, camera, rng)
     at = project_points(pose, points_m(port), camera)
     most = np.array(camera.size_px) - CROP_PX
@@ -96,13 +97,13 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
     matrix[:2] -= corner[:, None] * matrix[2]
     image, mask = (warp(a, matrix, (CROP_PX, CROP_PX)) for a in (image, mask))
     image = vary(image.astype(np.float32), mask > 0, np.zeros(image.shape, np.float32), recipe, rng)[0]
-    return image, heatmaps(at - corner, (CROP_PX, CROP_PX))
+    return image, heatmaps((at - corner) / STRIDE_PX, (CROP_PX // STRIDE_PX, CROP_PX // STRIDE_PX))
 
 
 def heatmaps(points_px, shape: tuple[int, int]) -> np.ndarray:
     """Peaks of height 1 at points (K, S, 2), one heatmap a class, (K, H, W) f32."""
     across, down = (
-        np.exp(-((np.arange(n, dtype=np.float32) - at[..., None]) ** 2) / (2 * PEAK_SIGMA_PX**2))
+        np.exp(-((np.arange(n, dtype=np.float32) - at[..., None]) ** 2) / (2 * PEAK_SIGMA**2))
         for n, at in zip(shape[::-1], np.moveaxis(np.nan_to_num(points_px, nan=np.inf), -1, 0), strict=True)
     )
     return (down[..., :, None] * across[..., None, :]).max(1).astype(np.float32)
@@ -173,4 +174,5 @@ def solve(
 def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float] | None:
     """The pose of an image, and its confidence, as `solve`."""
     maps = torch.sigmoid(net(encode(image[None], modality)))[0].float().numpy()
-    return solve(*peaks(maps, port.symmetry), port, camera)
+    at, heights = peaks(maps, port.symmetry)
+    return solve(STRIDE_PX * at, heights, port, camera)
