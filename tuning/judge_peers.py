@@ -2,13 +2,13 @@
 
     python tuning/judge_peers.py FOLDER [--curves FOLDER] [--pictures FOLDER] [--samples FOLDER]
 
-``FOLDER`` holds the networks of all methods, equally trained (`lmmap_lab.peers.train`).  Each peer's limit on
-its confidence is chosen on `TUNING`, as the one at which one image in a hundred has a wrong pose.  The places
-are sequences that neither trained nor tuned anything: the test in each light, the second simulated scene,
-varied laboratories, the hard cases, a port whose plate stands a fifth higher, and a lens of another focal
-length.  Writes data/results/peers/places.csv; with ``--pictures`` pictures.csv, of the authors' pictures as
-in `judge_pictures`; with ``--samples``, those of the trainings, cost.csv; with ``--curves`` curves.csv, of
-networks that learned from fewer images, in folders ``IMAGES-SEED``.
+``FOLDER`` holds the peers' networks (`lmmap_lab.peers.train`), and the pipeline's unless those that ship are
+meant.  Each peer's limit on its confidence is chosen on `TUNING`, as the one at which one image in a hundred
+has a wrong pose.  The places are sequences that neither trained nor tuned anything: the test in each light,
+the second simulated scene, varied laboratories, the hard cases, a port whose plate stands a fifth higher, and
+a lens of another focal length.  Writes data/results/peers/places.csv; with ``--pictures`` pictures.csv, of
+the authors' pictures as in `judge_pictures`; with ``--samples``, those of the trainings, cost.csv; with
+``--curves`` curves.csv, of networks that learned from fewer images, in folders ``IMAGES-SEED``.
 """
 
 from __future__ import annotations
@@ -122,7 +122,9 @@ def costs(weights: Path, samples: Path) -> pd.DataFrame:
 
 
 def step_ms(peer: str, modality: str, weights: Path, samples: Path) -> float:
-    card, spent_s = load_card(train.weights_path(weights, peer, modality)), []
+    filters = dict(zip(train.FILTERS, study.filter_paths(weights, modality), strict=True))
+    path = filters.get(peer) or train.weights_path(weights, peer, modality)
+    card, spent_s = load_card(path), []
     for steps in TIMED_STEPS:
         with TemporaryDirectory() as folder:
             start_s = time.perf_counter()

@@ -16,7 +16,7 @@ from lmmap.estimation.images import images
 from lmmap.evaluation.error_table import METRICS, errors
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.printed import PrintedEstimator
-from lmmap.pipeline.weights import FILTERS, load_network
+from lmmap.pipeline.weights import FILTERS, load_network, weight_path
 from lmmap.settings import OURS, PerCamera
 from lmmap.types import Camera, Estimate, Port, Recording
 
@@ -28,6 +28,7 @@ from ..training.dataset import spread
 from . import geometry
 from .train import PEERS, load, weights_path
 
+SHIPPED = "low"  # networks that learned from the images of the peers
 KINDS = ("right", "wrong", "none")
 SHARES = tuple(f"{kind}_percent" for kind in KINDS)
 MOST_WRONG_PERCENT = 1.0  # of the tuning images, where a peer's limit on its confidence lies
@@ -39,12 +40,12 @@ Found = dict[str, tuple[list, list, list]]  # three tables of each recording, by
 
 def estimators(modality: str, weights: Path, limits: dict[str, float] | None = None,
                camera: Camera | None = None, port: Port | None = None) -> dict[str, Answer]:  # fmt: skip
-    """The methods whose networks are among ``weights``, and geometry alone.
+    """Geometry alone, the pipeline, the paper's procedure, and the peers that ``weights`` has networks of.
 
     Parameters
     ----------
     weights
-        A folder of what `train` saved.
+        A folder of what `train` saved; without the pipeline's networks there, those of `SHIPPED`.
     limits
         Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own
         limit, and the paper's procedure uses no confidence.
@@ -54,15 +55,21 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     made: dict[str, Answer] = {
         GEOMETRY: geometry.estimator(modality, camera, port, settings=replace(OURS, min_confidence=least))
     }
-    filters = [weights_path(weights, name, modality) for name in FILTERS]
-    if all(path.exists() for path in filters):
-        ring, reflectors = (load_network(path, modality, "float32") for path in filters)
-        made[OURSELVES] = Estimator(camera, port, modality, (ring, reflectors))
-        made[PRINTED] = PrintedEstimator(camera, port, modality, (ring, reflectors))
+    networks = tuple(load_network(path, modality, "float32") for path in filter_paths(weights, modality))
+    made[OURSELVES] = Estimator(camera, port, modality, networks)
+    made[PRINTED] = PrintedEstimator(camera, port, modality, networks)
     paths = {peer: weights_path(weights, peer, modality) for peer in PEERS}
     return made | {
         peer: load(path, camera, port, limits.get(peer, 0.0)) for peer, path in paths.items() if path.exists()
     }
+
+
+def filter_paths(weights: Path, modality: str) -> list[Path]:
+    """The pipeline's networks among ``weights``; if there are none, those of `SHIPPED`."""
+    own = [weights_path(weights, name, modality) for name in FILTERS]
+    if any(path.exists() for path in own):
+        return own
+    return [weight_path(name, modality, SHIPPED) for name in FILTERS]
 
 
 def own_limit(tables: Sequence[pd.DataFrame], known: Sequence[pd.DataFrame],
