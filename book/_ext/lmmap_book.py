@@ -26,6 +26,7 @@ from sphinx.addnodes import pending_xref
 
 from lmmap_lab.provenance import ROOT, page_fingerprint
 
+NARROW_PX = 650  # a figure drawn 5.6 inches wide, whose letters can be read at a phone's width
 BINDER = "https://mybinder.org/v2/git/ADDRESS/HEAD"
 
 
@@ -135,6 +136,14 @@ def name_folds(app, pagename, templatename, context, doctree) -> None:
         context["body"] = re.sub(r'<summary aria-label="[^"]*">', "<summary>", context["body"])
 
 
+def keep_punctuation(app, pagename, templatename, context, doctree) -> None:
+    """Keep a formula and the punctuation about it on one line; browsers break lines beside any picture."""
+    formula = r'<span class="math notranslate nohighlight">\\\([^<]*</span>'
+    if "body" in context:
+        about = rf"\(?{formula}[.,;:)]+|\({formula}"
+        context["body"] = re.sub(about, r'<span class="kept">\g<0></span>', context["body"])
+
+
 def write_notebooks(app, exception) -> None:
     """Write the notebooks that pages offer: executed, with their numbers in the text."""
     executed = Path(app.outdir).parent / "jupyter_execute"
@@ -156,10 +165,11 @@ def describe_figures(app, doctree) -> None:
     for cell in doctree.findall(lambda n: isinstance(n, nodes.container) and "cell" in n["classes"]):
         images = list(cell.findall(nodes.image))
         for image in images:
-            said = Image.open(Path(app.srcdir) / image["uri"]).info
+            file = Image.open(Path(app.srcdir) / image["uri"])
             if not image.get("alt"):
-                image["alt"] = said.get("Description", "")
-            image["classes"].append(said.get("Comment", "picture"))
+                image["alt"] = file.info.get("Description", "")
+            image["classes"].append(file.info.get("Comment", "picture"))
+            image["classes"] += ["narrow"] * (file.width <= NARROW_PX)
         used = sources_by_cell[cell["cell_index"]]
         if images or has_slider(cell) or has_table(cell):
             cell += nodes.paragraph("", " · ".join(origins(used)), classes=["origin"])
@@ -255,6 +265,7 @@ def setup(app):
     app.connect("build-finished", slim)
     app.connect("build-finished", keep_outputs)
     app.connect("html-page-context", name_folds)
+    app.connect("html-page-context", keep_punctuation)
     app.connect("html-page-context", offer_notebook, priority=100)  # before the theme's menu
     app.connect("build-finished", write_notebooks, priority=900)  # after outputs are kept
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -30,9 +30,8 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
     ax.plot(0, 0, "s", color=COLOUR["ink"], ms=8)
     ax.annotate("camera", (0, 0), (-0.08, -0.17), ha="right")
     ax.annotate("panel with the port", (0, distance_m), (-0.45, distance_m - 0.05), ha="right")
-    ax.annotate(
-        "field of view", (0.2, 0.38), (0.4, 0.3), arrowprops={"arrowstyle": "-", "color": COLOUR["ink"]}
-    )
+    line = {"arrowstyle": "-", "color": COLOUR["ink"], "lw": 0.8}
+    ax.annotate("field of view", (0.25, 0.47), (0.45, 0.47), va="center", arrowprops=line)
     for name, (place_m, colour) in LAMPS.items():
         x, _, z = place_m
         ax.plot(x, z, "o", color=COLOUR[colour], ms=9 if name == "sun" else 7)
@@ -41,8 +40,9 @@ def draw_plan(ax, port: Port, camera: Camera, distance_m: float = 0.6) -> None:
         if not beside:
             tip = np.array([x, z]) + 0.35 * towards / np.linalg.norm(towards) * np.sqrt(np.hypot(*towards))
             ax.annotate("", tip, (x, z), arrowprops={"arrowstyle": "->", "color": COLOUR[colour], "lw": 1.6})
-        at = (x, z - 0.4) if beside else (x - 0.05, z - 0.23)  # between the lines of the grid
-        ax.annotate(name, (x, z), at, ha="center" if x > 0.5 else "left")
+        at = (x, z - 0.45) if beside else (x - 0.05, z - 0.23)
+        ax.annotate(name, (x, z), at, ha="center" if x > 0.5 else "left", arrowprops=line if beside else None)
+    ax.grid(visible=False)  # its lines would cross the names
     ax.set(aspect="equal", xlim=(-2.5, 1.5), ylim=(-1.15, 0.85), xlabel="x (m)", ylabel="z, depth (m)",
            title="the laboratory from above")  # fmt: skip
 

@@ -14,7 +14,7 @@ from .tables import accuracy_table
 
 KEYS = ["training", "outlier_filter", "metric", "statistic", "light", "modality"]
 STUDIES = {"hard": "hard cases", "false": "false detections", "odometry": "odometry",
-           "misalignment": "whether the truth is askew, and what is left without it"}  # fmt: skip
+           "misalignment": "misalignment of the truth, and the errors without it"}  # fmt: skip
 
 
 def side_by_side(out: Path, bench: Path) -> pd.DataFrame:

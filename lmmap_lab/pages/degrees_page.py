@@ -72,7 +72,7 @@ def misfit_table(study: pd.DataFrame):
         "misaligned (°)": [f"{v:.1f}" if v else "" for v in rows.misaligned_deg],
         "noise (px)": rows.noise_low_px.map("{:.1f} to ".format) + rows.noise_high_px.map("{:.1f}".format),
     } | {title: [f"{100 * v:.0f}" for v in rows[name]] for name, title in SHARES.items()})  # fmt: skip
-    return table.style.hide()
+    return table.style.hide().set_table_attributes('class="dense"')
 
 
 def varied_table(study: pd.DataFrame):

@@ -120,16 +120,14 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
     for ax, (title, tables) in zip(axes, panels.items(), strict=True):
         ax.plot([0, 1], [0, 1], color=COLOUR["ink"], lw=0.8, ls="--")
         least = 1.0
-        for side, (name, table) in zip((1, -1), tables.items(), strict=False):
+        for above, (name, table) in zip((24, 11), tables.items(), strict=False):
             ends = share_intervals(table)
             ax.errorbar(table.confidence, table.right, np.abs(ends.T - table.right.to_numpy()), fmt="o",
                         color=COLOUR[name], capsize=2, label=CAMERAS.get(name, "both cameras"))  # fmt: skip
-            for row, end in zip(table.itertuples(), ends[:, 1 if side > 0 else 0], strict=True):
-                last = row.confidence > BESIDE  # the numbers of the last bins stand beside their dots
-                ax.annotate(f"{row.poses:,}", (row.confidence, row.right if last else end),
-                            (6, 6 * side) if last else (0, 5 * side), textcoords="offset points",
-                            ha="left" if last else "center", color=COLOUR[name], size="small",
-                            va="center" if last else "bottom" if side > 0 else "top")  # fmt: skip
+            for row in table.itertuples():  # the numbers stand in lines above the dots
+                ax.annotate(f"{row.poses:,}", (row.confidence, 1), (0, above), textcoords="offset points",
+                            ha="left" if row.confidence > BESIDE else "center", color=COLOUR[name],
+                            size="small")  # fmt: skip
             least = min(least, ends.min(), table.confidence.min())
         least = np.floor(10 * least) / 10
         beyond = 1 + 0.25 * (1 - least)
@@ -137,8 +135,9 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
                ylim=(least - 0.05 * (1 - least), beyond))  # fmt: skip
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_ticks([tick for tick in axis.get_majorticklocs() if least <= tick < 1.01])
+        ax.grid(axis="x", visible=False)
         ax.legend(loc="lower right")
-    axes[0].set_ylabel("share of right poses")
+    axes[0].set_ylabel("fraction of right poses")
     return fig
 
 
@@ -152,14 +151,15 @@ def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
     labelled
         The limits that are written beside their dots.
     """
-    fig, ax = plt.subplots(figsize=(7.0, 2.9))
+    fig, ax = plt.subplots(figsize=(5.6, 2.9))
     for modality in MODALITIES:
         rows = limits[(limits.light == light) & (limits.modality == modality)]
         ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],
                 label=CAMERAS[modality])  # fmt: skip
-        for row in rows[rows.limit.isin(labelled)].itertuples():
-            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent), (5, -11),
-                        textcoords="offset points", color=COLOUR[modality], size="small")  # fmt: skip
+        for k, row in enumerate(rows[rows.limit.isin(labelled)].itertuples()):  # in turn below and above
+            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent),
+                        (-4, 3) if k % 2 else (5, -11), textcoords="offset points",
+                        ha="right" if k % 2 else "left", color=COLOUR[modality], size="small")  # fmt: skip
     ax.margins(0.08)
     ax.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
     ax.legend(loc="lower right")

@@ -95,7 +95,7 @@ def lights_in_words(table: pd.DataFrame, place: str, measure: str) -> str:
     kinds = {
         "events lose less than frames in {} light": [k for k, c in cells.items() if c["low"] > 0],
         "they lose more in {} light": [k for k, c in cells.items() if c["high"] < 0],
-        "in {} light the difference may be chance": [
+        "in {} light the difference may be due to chance": [
             k for k, c in cells.items() if c["low"] <= 0 <= c["high"]
         ],
     }

@@ -61,18 +61,18 @@ def draw_flow():
     for k, (does, gives, colour) in enumerate(FLOW):
         x, y = k % IN_A_ROW, -1.3 * (k // IN_A_ROW)
         box = {"boxstyle": "round,pad=0.4", "fc": COLOUR[colour] + "30", "ec": COLOUR[colour], "lw": 1.5}
-        ax.text(x, y, does, ha="center", va="center", fontsize=8.5, bbox=box)
+        ax.text(x, y, does, ha="center", va="center", fontsize=9.5, bbox=box)
         if k == len(FLOW) - 1:
-            ax.annotate(gives, (x, y - 0.3), (x, y - 0.75), ha="center", fontsize=8, style="italic",
+            ax.annotate(gives, (x, y - 0.3), (x, y - 0.75), ha="center", fontsize=9, style="italic",
                         arrowprops={**arrow, "arrowstyle": "<-"})  # fmt: skip
         elif x == IN_A_ROW - 1:  # on to the row below
             turn = y - 0.65
             ax.plot([x, x, 0], [y - 0.3, turn, turn], color=COLOUR["ink"], lw=1)
             ax.annotate("", (0, y - 1), (0, turn), arrowprops=arrow)
-            ax.text(x / 2, turn + 0.12, gives, ha="center", fontsize=8, style="italic")
+            ax.text(x / 2, turn + 0.07, gives, ha="center", fontsize=9, style="italic")
         else:
             ax.annotate("", (x + 0.65, y), (x + 0.43, y), arrowprops=arrow)
-            ax.text(x + 0.54, y - 0.4, gives, ha="center", va="center", fontsize=8, style="italic")
+            ax.text(x + 0.54, y + 0.08, gives.replace(" ", "\n"), ha="center", fontsize=9, style="italic")
     ax.set(xlim=(-0.5, IN_A_ROW - 0.5), ylim=(-1.3 * (rows - 1) - 0.85, 0.4))
     ax.set_label("the pipeline: " + ", ".join(f"{does} to {gives}" for does, gives, _ in FLOW))
     ax.set_axis_off()

@@ -170,7 +170,9 @@ def sensors() -> pd.DataFrame:
 def formats() -> pd.DataFrame:
     """What each command does with each format, as the tests found it."""
     table = pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
-    return table.replace({"images": CAMERAS})
+    words = {"images": "tested with", "bad input is one line": "bad input: one-line error",
+             "clocks": "clocks of two cameras"}  # fmt: skip
+    return table.replace({"images": CAMERAS}).rename(columns=words)
 
 
 def ring_range_px() -> tuple[float, float]:

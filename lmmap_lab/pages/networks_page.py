@@ -32,7 +32,7 @@ def draw_architecture(ax, net, size_px) -> None:
         colour = COLOUR["rgb"] if name.startswith("down") else COLOUR["event"]
         colour = colour if name != "input" else COLOUR["ink"]
         ax.add_patch(plt.Rectangle((x, -h / 2), w, h, facecolor=colour, alpha=0.6, edgecolor=COLOUR["ink"]))
-        ax.text(x + w / 2, -2.35, f"{channels}\n{width} x {height}", ha="center", va="top", fontsize=7)
+        ax.text(x + w / 2, -2.35, f"{channels}\n{width} x {height}", ha="center", va="top", fontsize=8)
         tops.append((x + w / 2, h / 2))
         x += w + 0.75
     for (a, b), level in zip(((1, 5), (2, 4)), (2.9, 2.45), strict=True):  # the skips

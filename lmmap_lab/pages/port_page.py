@@ -42,7 +42,7 @@ def draw_front(ax, port: Port) -> None:
 
 
 def draw_side(ax, port: Port) -> None:
-    """The port in section through the axis, in millimetres: to the right is the visitor's side."""
+    """The port in section through the axis, in millimetres: to the right is the camera's side."""
     side_mm, height_mm = port.apothem_m * MM, port.plate_height_m * MM
     depth_mm = port.panel_depth_m * MM
     ax.add_patch(Rectangle((-depth_mm - 8, -100), 8, 200, color=PLATE, alpha=0.25, lw=0))
@@ -69,7 +69,7 @@ def draw_side(ax, port: Port) -> None:
         color=PLATE,
     )
     ax.annotate("", (96, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": COLOUR["truth"], "lw": 1.6})
-    ax.annotate("z, toward\nthe visitor", (80, -24), color=COLOUR["truth"], ha="center")
+    ax.annotate("z, toward\nthe camera", (80, -24), color=COLOUR["truth"], ha="center")
     ax.annotate("", (height_mm, -72), (0, -72), arrowprops={"arrowstyle": "<->", "color": PLATE})
     ax.annotate(f"{height_mm:.0f} mm", (height_mm / 2, -84), ha="center")
     _name(ax, "petal", (height_mm + 18, side_mm + 9), (86, 86))

@@ -54,14 +54,14 @@ def draw_tolerances(table: pd.DataFrame):
     """
     shown = table[table.limits == tolerances.ALL]
     shares = shown.groupby(["rung", "modality", "normal_deg"]).wrong_percent.mean()
-    fig, ax = plt.subplots(figsize=(6.4, 3.4))
+    fig, ax = plt.subplots(figsize=(5.6, 3.4))
     for rung, style in STYLES.items():
         for m in MODALITIES if rung != "fused" else MODALITIES[:1]:  # one track, which stands in both columns
             line, fused = shares[rung, m], rung == "fused"
             ax.semilogy(line.index, line.clip(lower=FLOOR), style, color=COLOUR["ink" if fused else m], ms=4,
                         label=rung if fused else f"{rung}, {CAMERAS[m]}")  # fmt: skip
     ax.axvline(np.rad2deg(OURS.right_normal_rad), color=COLOUR["ink"], lw=0.8)
-    ax.set(xlabel="limit of the normal (°)", ylabel="wrong poses (%)", ylim=(FLOOR, 130))
+    ax.set(xlabel="limit on the error of the normal (°)", ylabel="wrong poses (%)", ylim=(FLOOR, 130))
     ax.set_yticks((0.01, 0.1, 1, 10, 100), ("0.01", "0.1", "1", "10", "100"))
     fig.legend(fontsize=7, ncols=4, loc="outside lower center")
     return fig
@@ -78,9 +78,8 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
     readings = readings_deg() if readings is None else readings
     only = only or dict.fromkeys(RUNGS)
     table, at = means(rungs, gap), np.arange(len(only))
-    fig, axes = plt.subplots(
-        1, len(panels), figsize=(7.6, 0.8 + 0.45 * len(only)), sharey=True, squeeze=False
-    )
+    size = 5.6 if len(panels) == 1 else 7.6, 0.8 + 0.45 * len(only)
+    fig, axes = plt.subplots(1, len(panels), figsize=size, sharey=True, squeeze=False)
     axes = axes[0]
     for ax, (*_, title) in zip(axes, panels, strict=True):
         values = table[title].unstack("modality").loc[list(only)]
@@ -98,5 +97,5 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
         axes[0].annotate(name, (deg, -0.5), (0, 5), textcoords="offset points", rotation=60, fontsize=7.5)
     axes[0].set_yticks(at, [title or rung for rung, title in only.items()])
     axes[0].invert_yaxis()
-    axes[-1].legend(loc="lower right")
+    axes[-1].legend(loc="lower right", fontsize=8)
     return fig
