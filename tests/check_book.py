@@ -144,6 +144,13 @@ def site():
         server.shutdown()
 
 
+LOOSE = """[...document.querySelectorAll("span.math")].filter(formula => {
+    if (!/^[.,;:)]/.test(formula.nextSibling?.data ?? "")) return false;
+    const mark = document.createRange();
+    mark.setStart(formula.nextSibling, 0);
+    mark.setEnd(formula.nextSibling, 1);
+    return mark.getBoundingClientRect().left < formula.getBoundingClientRect().right - 3;
+}).map(formula => formula.textContent)"""  # formulas whose full stop stands on the next line
 NOT_DRAWN = "mjx-container svg text, mjx-container [data-mml-node=merror]"  # no such glyph, no such command
 
 
@@ -163,6 +170,7 @@ def test_a_page_loads_alone_quietly_and_fits(page, site, name, theme):
     for width_px in WIDTHS_PX:
         page.show_as(width_px, theme=theme)
         assert page.ask("document.documentElement.scrollWidth") <= width_px, f"scrolls at {width_px} px"
+        assert page.ask(LOOSE) == [], f"punctuation on a line of its own at {width_px} px"
     assert page.ask("[...document.images].filter(i => i.complete && !i.naturalWidth).map(i => i.src)") == []
     assert page.complaints() == []
 

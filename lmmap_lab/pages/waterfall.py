@@ -89,12 +89,12 @@ def draw(rungs: pd.DataFrame, gap: str = "low", readings: dict[str, float] | Non
             ax.barh(at + shift, np.maximum(before, now), 0.36, color=COLOUR[m], alpha=0.2)
             ax.barh(at + shift, now, 0.36, color=COLOUR[m], label=CAMERAS[m])
             for y, value in zip(at + shift, now, strict=True):
-                ax.text(value, y, f" {value:.1f}", va="center", fontsize=7)
+                ax.text(value, y, f" {value:.1f}", va="center", fontsize=8)
         ax.set(xlabel=title, xlim=(0, 1.2 * np.nanmax(values.to_numpy())))
         ax.grid(axis="y", visible=False)
     for name, deg in readings.items():
         axes[0].plot([deg, deg], [-0.5, 0.45], "v-", color=COLOUR["ink"], ms=4, lw=1.2, markevery=2)
-        axes[0].annotate(name, (deg, -0.5), (0, 5), textcoords="offset points", rotation=60, fontsize=7.5)
+        axes[0].annotate(name, (deg, -0.5), (0, 5), textcoords="offset points", rotation=60, fontsize=8)
     axes[0].set_yticks(at, [title or rung for rung, title in only.items()])
     axes[0].invert_yaxis()
     axes[-1].legend(loc="lower right", fontsize=8)
