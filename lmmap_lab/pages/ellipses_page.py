@@ -67,6 +67,6 @@ def half_ellipse(
 
 def _step(label, title, mask, points_px, on, five_px, contour) -> Step:
     return Step(label, title, 0.4 * np.clip(mask, 0, 1), (
-        ("points", points_px[~on], "event", "markers"), ("on the conic", points_px[on], "truth", "markers"),
-        ("conic", contour, "ours", "lines"), ("the five drawn points", five_px, "rival", "markers"),
+        ("points", points_px[~on], "event", "markers"), ("inliers", points_px[on], "truth", "markers"),
+        ("ellipse", contour, "ours", "lines"), ("the five drawn points", five_px, "rival", "markers"),
     ))  # fmt: skip

@@ -38,7 +38,7 @@ def draw_outline(ax, outline: Mapping) -> None:
     ax.set(xlim=(left - MARGIN_PX, right + MARGIN_PX), ylim=(bottom + MARGIN_PX, top - MARGIN_PX))
     ax.set(xticks=[], yticks=[], aspect="equal")
     ax.spines[:].set_visible(False)
-    ax.set_label("pixels of the authors' lines, and the fitted wire model through them")
+    ax.set_label("pixels of the authors' lines, and the fitted wireframe model through them")
 
 
 def _points(text: str) -> np.ndarray:

@@ -109,11 +109,11 @@ def judge_cad(recording: Recording, estimates: list[Estimate], cad: Port, port: 
     drawn_px = [markers_px(e.T_cam_port, cad, recording.camera) for e in posed]
     true_px = [markers_px(T, port, recording.camera) for T in truths]
     return {
-        "position off (mm)": 1e3 * off.position_error_m,
-        "normal off (°)": off.normal_error_deg,
-        "markers drawn off (px)": np.median([*map(_apart, drawn_px, true_px)]),
+        "position error (mm)": 1e3 * off.position_error_m,
+        "normal error (°)": off.normal_error_deg,
+        "drawn marker error (px)": np.median([*map(_apart, drawn_px, true_px)]),
         "confidence": np.median([e.confidence for e in posed]),
-        "off the CAD (px)": np.median([e.markers_off_px for e in posed]),
+        "markers off CAD (px)": np.median([e.markers_off_px for e in posed]),
     }
 
 

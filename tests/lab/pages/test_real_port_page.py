@@ -65,6 +65,6 @@ def test_a_cad_as_the_port_s_draws_its_markers_where_they_are():
         t_us, Status.OK, recording.truth.at(np.array([t_us]))[0], confidence=0.5, markers_off_px=0.0
     )
     right = real_port_page.judge_cad(recording, [exact], port, port)
-    assert right["markers drawn off (px)"] < 1e-6 and right["position off (mm)"] < 1e-6
+    assert right["drawn marker error (px)"] < 1e-6 and right["position error (mm)"] < 1e-6
     wrong = real_port_page.judge_cad(recording, [exact], replace(port, plate_height_m=0.046), port)
-    assert wrong["markers drawn off (px)"] > 0.5 and wrong["confidence"] == 0.5
+    assert wrong["drawn marker error (px)"] > 0.5 and wrong["confidence"] == 0.5
