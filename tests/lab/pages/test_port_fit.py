@@ -29,7 +29,7 @@ def test_the_committed_outlines_are_described_and_the_model_runs_through_the_pix
     outlines = load_json(DATA / "results" / "port-outlines.json")
     fig = port_fit.draw_fit(outlines, {name: name for name in outlines})
     assert len(fig.axes) == len(outlines) == 2
-    assert "wire model" in {ax.get_label() for ax in fig.axes}.pop()
+    assert "wireframe model" in {ax.get_label() for ax in fig.axes}.pop()
     assert all(name in drawings.describe(fig) for name in outlines)
     for outline in outlines.values():
         pixels = port_fit._points(outline["lines"])
