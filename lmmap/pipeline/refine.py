@@ -80,7 +80,7 @@ def sigma_px(ring: Contour, setup: Setup, scatter_px=None):
 
 
 def ring_edges(ring: Contour, setup: Setup) -> list[joint.RingEdge]:
-    """The ring's edges as circles of their own radii; its middle line where they are not known apart."""
+    """The ring's edges as circles of their own radii; its centre line where they are not known apart."""
     port = setup.port
     circles: Iterable[tuple[Edge, float, int]]
     circles = [(Edge(ring.points_px, np.full(len(ring.points_px), ring.sigma_px)), port.ring_radius_m, 0)]

@@ -31,7 +31,7 @@ _TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
 class RingEdge(NamedTuple):
     """Points (M, 2) of an edge of the ring, undistorted, and the standard deviation (M,) of each; its radius,
-    and its side: -1 of the inner edge, 1 of the outer one, 0 of a middle line."""
+    and its side: -1 of the inner edge, 1 of the outer one, 0 of a centre line."""
 
     points_px: np.ndarray
     sigma_px: np.ndarray

@@ -51,7 +51,7 @@ def draw_cells(fits: Mapping[str, Fit]):
 
 
 def draw_overlay(outline: Mapping, edges: str):
-    """The authors' pixels, the wire model through them, and the edges (text of points, px) of the ring."""
+    """The authors' pixels, the wireframe model through them, and the ring's edges (text of points, px)."""
     fig, ax = plt.subplots(figsize=(5.6, 4.4))
     draw_outline(ax, outline)
     points = np.array([pair.split(",") for pair in edges.split()], float)

@@ -1,4 +1,4 @@
-"""The port's wire model over the lines that its authors drew: outlines only, the pictures are theirs."""
+"""The port's wireframe model over the lines that its authors drew: outlines only, the pictures are theirs."""
 
 from __future__ import annotations
 

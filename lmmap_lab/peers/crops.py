@@ -10,10 +10,9 @@ from torch import nn
 from lmmap.pipeline.network import CHANNELS
 from lmmap.types import Camera, Port, Pose
 
-from ..training.batches import vary
 from ..training.recipe import Recipe
 from .regression import SMALL, PoseNet, answer, encode_pose, read, to_ray
-from .samples import PosedSamples, turned_sample
+from .samples import PosedSamples, turned_sample, varied_image
 
 SIZE_PX = (96, 96)
 RING_M, RING_PX = Port.lm_map().ring_radius_m, 30.0  # radius of the ring, and in a crop
@@ -64,8 +63,7 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
     ray = pose.position_m / pose.position_m[2] + [*rng.normal(0, RAY_SIGMA, 2), 0]
     about_m = ray * pose.position_m[2] * np.exp(rng.normal(0, LOG_SIGMA))
     image, mask = (crop(a, about_m, camera, matrix) for a in (image, mask))
-    image = vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]
-    return image, encode_pose(in_crop(pose, about_m))
+    return varied_image(image, mask, recipe, rng), encode_pose(in_crop(pose, about_m))
 
 
 def answer_closely(net: Staged, image: np.ndarray, modality: str, camera: Camera, port: Port):

@@ -84,7 +84,7 @@ def masks(port: Port, detectors: tuple[str, ...] = DETECTORS) -> tuple[Callable,
 
 
 def edges(port: Port) -> np.ndarray:
-    """Radii (2,) of the ring's edges, in that of its middle line."""
+    """Radii (2,) of the ring's edges, in that of its centre line."""
     return np.array([port.ring_inner_radius_m, port.ring_outer_radius_m]) / port.ring_radius_m
 
 
@@ -97,7 +97,7 @@ def grey(image: np.ndarray) -> np.ndarray:
 
 
 def find_ring(image: np.ndarray, port: Port, detectors=DETECTORS) -> np.ndarray | None:
-    """The ring's middle line as (u, v, semi-axis, semi-axis, angle of the first in rad), pixels; None where
+    """The ring's centre line as (u, v, semi-axis, semi-axis, angle of the first in rad), pixels; None where
     nothing looks like a ring."""
     radii = edges(port)
     strength = np.minimum(outline.edges(image), STRONGEST)
@@ -154,7 +154,7 @@ def by_templates(strength: np.ndarray, radii: np.ndarray) -> np.ndarray:
 
 def ring_scores(strength: np.ndarray, middle: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """How much stronger an image's `outline.edges` (H, W) are on both edges of rings (N, 5), by geometric
-    mean, than between them, (N,).  ``radii`` (2,) are in those of the middle line."""
+    mean, than between them, (N,).  ``radii`` (2,) are in those of the centre line."""
     inner, outer, between = (_along(strength, middle * [1, 1, s, s, 1]) for s in (*radii, 1.0))
     return np.sqrt(np.maximum(inner, 0) * np.maximum(outer, 0)) - between
 

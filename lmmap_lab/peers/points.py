@@ -3,7 +3,7 @@
 The port looks the same after a third of a turn, so no image tells which of its markers is the first.  A
 network that had to say so would learn a mean over all answers.  Here points that the symmetry takes into one
 another are one class with one heatmap of three peaks: the four corners of a marker, and four places on the
-ring's middle line.  Afterwards each peak's turn follows from its angle about the centre: with the peaks'
+ring's centre line.  Afterwards each peak's turn follows from its angle about the centre: with the peaks'
 ellipse made round, a class is `symmetry` points at equal angles, and the first of them may be any.
 
 The network is a U-Net (Ronneberger et al. 2015) that sees the whole port from each of its pixels.  One of the
@@ -25,9 +25,8 @@ from lmmap.geometry.projection import project_points, undistort_points
 from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.types import Camera, Port, Pose
 
-from ..training.batches import vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples, turned_sample, warp
+from .samples import PosedSamples, turned_sample, varied_image, warp
 
 ON_RING = 0.0, 0.25, 0.5, 0.75  # places, as parts of the period, from a marker's direction
 CLASSES = 4 + len(ON_RING)
@@ -62,7 +61,7 @@ class PointNet(nn.Module):
         self.down = nn.ModuleList(step(nn.Conv2d(i, o, 3, 2, 1)) for i, o in pairwise((channels, *widths)))
         into = [widths[-1], *(2 * w for w in widths[-2::-1])]  # each but the first beside a skip connection
         self.up = nn.ModuleList(
-            step(nn.ConvTranspose2d(i, o, 3, 2, 1, 1)) for i, o in zip(into, widths[-2::-1], strict=False)
+            step(nn.ConvTranspose2d(i, o, 3, 2, 1, 1)) for i, o in zip(into[:-1], widths[-2::-1], strict=True)
         )
         self.last = nn.Conv2d(into[-1], CLASSES, 3, 1, 1)
         nn.init.constant_(self.last.bias, float(np.log(PRIOR / (1 - PRIOR))))
@@ -96,8 +95,8 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
         corner = np.clip(np.rint(chosen) - rng.integers(0, CROP_PX, 2), 0, most).astype(int)
     matrix[:2] -= corner[:, None] * matrix[2]
     image, mask = (warp(a, matrix, (CROP_PX, CROP_PX)) for a in (image, mask))
-    image = vary(image.astype(np.float32), mask > 0, np.zeros(image.shape, np.float32), recipe, rng)[0]
-    return image, heatmaps((at - corner) / STRIDE_PX, (CROP_PX // STRIDE_PX, CROP_PX // STRIDE_PX))
+    heat = heatmaps((at - corner) / STRIDE_PX, (CROP_PX // STRIDE_PX, CROP_PX // STRIDE_PX))
+    return varied_image(image, mask, recipe, rng), heat
 
 
 def heatmaps(points_px, shape: tuple[int, int]) -> np.ndarray:

@@ -20,9 +20,8 @@ from lmmap.pipeline.network import CHANNELS, encode
 from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
-from ..training.batches import vary
 from ..training.recipe import Recipe
-from .samples import PosedSamples, turned_sample, warp
+from .samples import PosedSamples, turned_sample, varied_image, warp
 
 STAGES = (1, 2, 4, 8, 8)  # channels after each halving of the image, in the first stage's
 SMALL, LARGE = 32, 128  # channels of the first stage: as many weights as both filters have, and ten times
@@ -133,8 +132,7 @@ def sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng) -> tuple[
     """A varied image (192, 256, ...) and its truth (9,)."""
     image, mask, matrix, pose, _ = turned_sample(samples, recipe, camera, rng)
     image, mask = (warp(a, matrix, camera.size_px) for a in (image, mask))
-    image = vary(image.astype(np.float32), mask > 0, np.zeros(image.shape, np.float32), recipe, rng)[0]
-    return shrink(image), encode_pose(pose)
+    return shrink(varied_image(image, mask, recipe, rng)), encode_pose(pose)
 
 
 def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float]:

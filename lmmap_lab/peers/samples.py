@@ -16,7 +16,7 @@ from lmmap.types import Camera, Port, Pose, Recording
 from ..bench import sequences, varied
 from ..provenance import fingerprint
 from ..training import dataset
-from ..training.batches import events_of
+from ..training.batches import events_of, vary
 from ..training.recipe import Recipe
 
 
@@ -90,9 +90,9 @@ def roll(T_cam_port: Pose, angle_rad: float, mirror: bool, camera: Camera) -> tu
 
 
 def warp(image: np.ndarray, matrix: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """A frame, or a histogram or mask whose values stay, with its pixels moved by a homography (3, 3)."""
+    """Move the pixels of a frame, or of a histogram or mask whose values stay, by a homography (3, 3)."""
     flags = cv2.INTER_LINEAR if image.ndim == 3 else cv2.INTER_NEAREST
-    return cv2.warpPerspective(image, matrix, size_px, flags=flags)
+    return cv2.warpPerspective(image, matrix, size_px, flags=flags).astype(np.float32)
 
 
 def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
@@ -106,3 +106,8 @@ def turned_sample(samples: PosedSamples, recipe: Recipe, camera: Camera, rng):
         if np.all((at > 0) & (at < camera.size_px)):
             mask = samples.mask(index).astype(np.uint8)
             return samples.image(index, events), mask, matrix, pose, samples.port(index)
+
+
+def varied_image(image: np.ndarray, mask: np.ndarray, recipe: Recipe, rng) -> np.ndarray:
+    """An image as a recipe varies it, with something plain and dark as cover."""
+    return vary(image, mask > 0, np.zeros_like(image), recipe, rng)[0]

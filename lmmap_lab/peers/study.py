@@ -28,7 +28,7 @@ from ..training.dataset import spread
 from . import geometry
 from .train import PEERS, load, weights_path
 
-SHIPPED = "low"  # networks that learned from the images of the peers
+PIPELINE_SET = "low"  # the shipped networks that learned from the same images as the peers
 KINDS = ("right", "wrong", "none")
 SHARES = tuple(f"{kind}_percent" for kind in KINDS)
 MOST_WRONG_PERCENT = 1.0  # of the tuning images, where a peer's limit on its confidence lies
@@ -45,7 +45,8 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
     Parameters
     ----------
     weights
-        A folder of what `train` saved; without the pipeline's networks there, those of `SHIPPED`.
+        A folder of networks that `train` saved.  If the pipeline's are not there, those of `PIPELINE_SET`
+        are used.
     limits
         Least confidence of a peer's reported pose, by its name; default: 0.  The pipeline keeps its own
         limit, and the paper's procedure uses no confidence.
@@ -65,11 +66,11 @@ def estimators(modality: str, weights: Path, limits: dict[str, float] | None = N
 
 
 def filter_paths(weights: Path, modality: str) -> list[Path]:
-    """The pipeline's networks among ``weights``; if there are none, those of `SHIPPED`."""
+    """Files of the pipeline's networks in the folder ``weights``, or of `PIPELINE_SET` if it holds none."""
     own = [weights_path(weights, name, modality) for name in FILTERS]
     if any(path.exists() for path in own):
         return own
-    return [weight_path(name, modality, SHIPPED) for name in FILTERS]
+    return [weight_path(name, modality, PIPELINE_SET) for name in FILTERS]
 
 
 def own_limit(tables: Sequence[pd.DataFrame], known: Sequence[pd.DataFrame],

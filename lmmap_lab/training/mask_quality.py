@@ -23,7 +23,7 @@ from ..bench.renderer import ray_grid
 FITS = ["iou", "skeleton_px", "stray", "missed"]
 COLUMNS = ["t_us", "filter", "modality", "domain_gap", *FITS, "mask_px", "truth_px"]
 NEAR_PX = 2.0  # a skeleton is astray this far from the true line, a line is missed this far from the mask
-LINE_POINTS = 2400  # of a middle line, several to a pixel
+LINE_POINTS = 2400  # of a centre line, several to a pixel
 
 
 def iou(mask, truth) -> float:
@@ -33,7 +33,7 @@ def iou(mask, truth) -> float:
 
 
 def skeleton_distance(mask, line_px) -> tuple[float, float]:
-    """How far the mask's skeleton is from the true middle line: this is the error that ellipse fits see.
+    """How far the mask's skeleton is from the true centre line: this is the error that ellipse fits see.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def skeleton_distance(mask, line_px) -> tuple[float, float]:
 
 
 def middle_lines_px(T_cam_port: Pose, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Dense points (M, 2) on the ring's centre-line, and on the markers' tangential middle lines."""
+    """Dense points (M, 2) on the ring's centre line, and on the markers' tangential centre lines."""
     corners = port.marker_corners_m()
     ends = (corners[:, 0] + corners[:, 1]) / 2, (corners[:, 2] + corners[:, 3]) / 2
     markers = np.linspace(*ends, LINE_POINTS // port.symmetry).reshape(-1, 3)

@@ -28,7 +28,7 @@ def masks_of(T, seed, camera=CAMERA, port=PORT):
 
 
 def circle_of(points_px):
-    """The ring's middle line alone."""
+    """The ring's centre line alone."""
     return [joint.RingEdge(points_px, np.full(len(points_px), RING_PX), PORT.ring_radius_m, 0)]
 
 
