@@ -64,9 +64,9 @@ def ladder_table(rungs: pd.DataFrame):
 
 def assumptions_table(effects: pd.DataFrame):
     """`assumptions.effects` in words, styled: a row a change."""
-    words = {"mask_threshold": "threshold of the mask", "min_ring_pixels": "least pixels (gamma_S)",
-             "ransac_hypotheses": "ellipses drawn (H)", "min_axis_ratio": "least ratio of the axes",
-             "ransac_tolerance_px": "an inlier's distance (px)", "none": "all as assumed"}  # fmt: skip
+    words = {"mask_threshold": "mask threshold", "min_ring_pixels": "minimum ring pixels",
+             "ransac_hypotheses": "RANSAC hypotheses", "min_axis_ratio": "minimum axis ratio",
+             "ransac_tolerance_px": "inlier tolerance (px)", "none": "all as assumed"}  # fmt: skip
     columns = {"found_percent": "found (%)", "wrong_percent": "wrong (%)", "position_mm": "position (mm)",
                "normal_deg": "normal (°)"}  # fmt: skip
     value = effects.value.map(lambda v: f" to {v:g}", na_action="ignore").fillna("")

@@ -101,8 +101,9 @@ def draw_masks(axes, pictures, networks, port: Port) -> None:
 
 def mask_table(table: pd.DataFrame):
     """`mask_quality.medians` by light, styled: a row per network, a column per measure of fit and light."""
-    words = {"modality": CAMERAS, "filter": {"reflector": "markers"}}
-    names = {"domain_gap": "networks", "filter": "marks", "modality": "camera"}
+    words = {"modality": CAMERAS, "filter": {"reflector": "markers"},
+             "domain_gap": {"high": "high-gap", "low": "low-gap"}}  # fmt: skip
+    names = {"domain_gap": "networks", "filter": "mask of", "modality": "camera"}
     renamed, rows = table.replace(words).rename(columns=FITS | names), list(names.values())
     wide = renamed.pivot_table(list(FITS.values()), rows, "light", sort=False)
     return wide.style.format(precision=2, na_rep="none")

@@ -16,10 +16,10 @@ def test_networks_stand_by_light_each_with_its_own_numbers():
     table = pd.DataFrame(rows, columns=["light", "filter", "modality", "domain_gap", "iou", "skeleton_px"])
     wide = networks_page.mask_table(table).data
     assert wide.shape == (4, 4)
-    words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers"}
+    words = {"rgb": "frames", "event": "events", "ring": "ring", "reflector": "markers", "low": "low-gap"}
     for light, f, m, gap, iou, skeleton_px in rows:
-        assert wide.loc[(gap, words[f], words[m]), ("overlap", light)] == iou
-        assert wide.loc[(gap, words[f], words[m]), ("skeleton error (px)", light)] == skeleton_px
+        assert wide.loc[(words[gap], words[f], words[m]), ("overlap", light)] == iou
+        assert wide.loc[(words[gap], words[f], words[m]), ("skeleton error (px)", light)] == skeleton_px
 
 
 def test_a_mask_is_judged_against_the_true_pose(port, camera):
