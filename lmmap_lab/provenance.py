@@ -30,7 +30,7 @@ os.environ.setdefault("LMMAP_PRECISION", "float32")
 DERIVED_DATA = DATA / "derived" if CHECKOUT else Path("lmmap-derived")  # of a wheel: in the user's folder
 # what a chapter's output depends on besides its own cells; of results the tables and pictures, not archives
 PAGE_SOURCES = ("lmmap/**/*.py", "lmmap_readers/**/*.py", "lmmap_lab/**/*.py", "data/weights/**/*",
-            "data/mini/*", "data/paper/*", "data/*.json", "data/results/**/*.[cjt]*",
+            "data/mini/*", "data/paper/*", "data/peers/*", "data/*.json", "data/results/**/*.[cjt]*",
             "data/derived/{profile}/*.[cj]s*", "data/derived/recordings/*/told.txt", "book/_static/*.js",
             "environment.txt")  # fmt: skip
 PINS = "environment.txt"

@@ -40,12 +40,11 @@ from lmmap.types import Camera, Port, Pose, Recording
 from lmmap_lab.bench import sequences, varied
 from lmmap_lab.peers import study, train
 from lmmap_lab.provenance import DATA, save_table
-from lmmap_lab.studies.claims_of_mixing import COST, CURVES, GEOMETRY, OURSELVES, PLACES, PRINTED
+from lmmap_lab.studies.claims_of_mixing import COST, CURVES, GEOMETRY, OURSELVES, PICTURES, PLACES, PRINTED
 from lmmap_lab.studies.pdf import pictures
 from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.training.recipe import Recipe
 
-PICTURES = DATA / "results" / "peers" / "pictures.csv"
 SECONDS, MOST, SEQUENCES = 2.0, 15, 6  # of a sequence, images of it, sequences of a light
 TUNING = [f"realistic-{n}" for n in range(2401, 2413)]
 HIGHER = replace(Port.lm_map(), plate_height_m=1.2 * Port.lm_map().plate_height_m)

@@ -12,8 +12,8 @@ from ..studies.claims_of_mixing import GEOMETRY, OURSELVES, PRINTED, of_test
 from .drawings import COLOUR, draw_estimate, draw_intervals, plain_log
 from .tables import CAMERAS
 
-METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "pose": "learned pose",
-           "pose-large": "learned pose, large", "crop": "learned pose, then a crop",
+METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "pose": "learned pose, no crop",
+           "pose-large": "learned pose, no crop, large", "crop": "learned pose",
            PRINTED: "mixed, as printed", OURSELVES: "mixed, ours"}  # fmt: skip
 COLOURS = {GEOMETRY: "rival", "pnp": "event", "pose": "paper", "pose-large": "paper", "crop": "fused",
            PRINTED: "ink", OURSELVES: "ours"}  # fmt: skip
@@ -28,7 +28,7 @@ def draw_places(places: pd.DataFrame):
     for column, modality in zip(axes.T, MODALITIES, strict=True):
         for ax, what in zip(column, ("right", "wrong"), strict=True):
             for k, (method, rows) in enumerate(_by_method(places[places.modality == modality])):
-                x = [names.index(place) + (k - 2) * APART for place in rows.place]
+                x = [names.index(place) + (k - 2.5) * APART for place in rows.place]
                 ends = (rows[f"{what}_{end}"] for end in ("percent", "low", "high"))
                 draw_intervals(ax, x, *ends, COLOUR[COLOURS[method]], METHODS[method])
             ax.grid(axis="x", visible=False)
@@ -69,22 +69,31 @@ def draw_curves(curves: pd.DataFrame, places: pd.DataFrame):
 
 
 def test_table(places: pd.DataFrame) -> pd.DataFrame:
-    """Means over the three lights of the test: a row a method, a column a number and camera."""
+    """Means over the three lights of the test: a row a camera and method."""
     means = of_test(places)
     means = means.assign(position_mm=1e3 * means.position_error_m)
-    words = {"right_percent": "right (%)", "wrong_percent": "wrong (%)", "position_mm": "position (mm)",
-             "normal_error_deg": "normal (°)", "rotation_error_deg": "rotation (°)"}  # fmt: skip
-    return _wide(means[list(words)].rename(columns=words)).map("{:.1f}".format)
+    words = {"right_percent": "right (%)", "wrong_percent": "wrong (%)",
+             "every_right_percent": "right, no limit (%)", "every_wrong_percent": "wrong, no limit (%)",
+             "position_mm": "position (mm)", "normal_error_deg": "normal (°)"}  # fmt: skip
+    return _in_words(means[list(words)].rename(columns=words)).map("{:.1f}".format)
+
+
+def elsewhere_table(places: pd.DataFrame, names, stem: str = "") -> pd.DataFrame:
+    """Right and wrong poses in percent at places with these names: a row a camera and method.  With ``stem``
+    "every_", of every pose, whatever its confidence."""
+    rows = places.set_index(["place", "method", "modality"])
+    right, wrong = (rows[f"{stem}{what}_percent"].map("{:.0f}".format) for what in ("right", "wrong"))
+    return _in_words((right + " / " + wrong).unstack("place")[list(names)])
 
 
 def cost_table(cost: pd.DataFrame) -> pd.DataFrame:
-    """What each method costs: a row a method, a column a number and camera."""
+    """What each method costs: a row a camera and method."""
     rows = cost.set_index(["method", "modality"])
     forms = {"parameters": ("parameters", "{:,.0f}"), "gflop": ("GFLOP", "{:.2f}"),
              "ms_1": ("one core (ms)", "{:.0f}"), "ms_2": ("two cores (ms)", "{:.0f}"),
              "step_ms": ("training step (ms)", "{:.0f}")}  # fmt: skip
     texts = pd.DataFrame({title: rows[name].map(form.format) for name, (title, form) in forms.items()})
-    return _wide(texts.replace("0", "none"))
+    return _in_words(texts)
 
 
 def draw_answers(image, answers: dict[str, Estimate], truth, camera: Camera, port: Port):
@@ -102,10 +111,8 @@ def _by_method(rows: pd.DataFrame):
     return [(method, rows[rows.method == method]) for method in METHODS if (rows.method == method).any()]
 
 
-def _wide(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows by method and camera with the cameras side by side, in words."""
-    wide = table.unstack("modality")
-    columns = [(title, m) for title in table for m in MODALITIES]
-    wide = wide.loc[[m for m in METHODS if m in wide.index], columns]
-    wide = wide.rename(index=METHODS).rename(columns=CAMERAS, level=1)
-    return wide.rename_axis(index=None, columns=(None, None))
+def _in_words(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows by method and camera, the cameras one below the other, in words."""
+    rows = [(m, method) for m in MODALITIES for method in METHODS if (method, m) in table.index]
+    table = table.swaplevel().loc[rows]
+    return table.rename(index=CAMERAS, level=0).rename(index=METHODS, level=1).rename_axis([None, None])

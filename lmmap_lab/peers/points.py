@@ -23,6 +23,7 @@ from torch.nn import functional as F
 
 from lmmap.geometry.projection import project_points, undistort_points
 from lmmap.pipeline.network import CHANNELS, encode
+from lmmap.settings import OURS
 from lmmap.types import Camera, Port, Pose
 
 from ..training.recipe import Recipe
@@ -34,7 +35,7 @@ WIDTHS, GROUPS = (48, 96, 128, 192, 192), 4  # channels after each halving of th
 CROP_PX = 128  # of training, in which most of the port is seen
 STRIDE_PX = 2  # of a heatmap
 PEAK_SIGMA, LEAST_PEAK, PEAK_WINDOW = 1.0, 0.1, 5  # the first and the last in pixels of a heatmap
-TOLERANCE_PX, LEAST_POINTS = 3.0, 6  # of PnP's inliers
+TOLERANCE_PX, LEAST_POINTS, LEAST_SIGMA_RAD = 3.0, 6, 1e-6  # of PnP's inliers, and of its rotation
 PRIOR = 1e-3  # of a heatmap's pixels
 
 
@@ -148,8 +149,12 @@ def assign(points_px: np.ndarray, port: Port) -> np.ndarray:
 def solve(
     points_px: np.ndarray, heights: np.ndarray, port: Port, camera: Camera
 ) -> tuple[Pose, float] | None:
-    """The pose by PnP of peaks (CLASSES, S, 2) of heights (CLASSES, S), and a confidence: the mean height
-    over all points of the CAD, of which those that were not found, or do not fit, count as zero."""
+    """The pose by PnP of peaks (CLASSES, S, 2) of heights (CLASSES, S), and a confidence.
+
+    The confidence is the chance that an error with a Laplacian distribution keeps to the limit of a right
+    normal.  The distribution's scale is the rotation's standard deviation by PnP, divided by the mean height
+    over all points of the CAD, of which those that were not found, or do not fit, count as zero.
+    """
     known = np.isfinite(points_px[..., 0])
     if known.sum() < LEAST_POINTS:
         return None
@@ -162,12 +167,25 @@ def solve(
     if not found or inliers is None or len(inliers) < LEAST_POINTS:
         return None
     fitting = inliers.ravel()
-    rotation, position = cv2.solvePnPRefineLM(model[known][fitting], seen_px[known][fitting], camera.K, None,
-                                              rotation, position)  # fmt: skip
+    used = model[known][fitting], seen_px[known][fitting]
+    rotation, position = cv2.solvePnPRefineLM(*used, camera.K, None, rotation, position)
     pose = Pose(cv2.Rodrigues(rotation)[0], position.ravel())
     if pose.position_m[2] <= 0 or pose.normal @ pose.position_m >= 0:  # behind the camera, or turned away
         return None
-    return pose, float(min(heights[known][fitting].sum() / heights.size, 1.0))
+    sigma_rad = _rotation_sigma_rad(*used, rotation, position, camera)
+    height = min(heights[known][fitting].sum() / heights.size, 1.0)
+    return pose, float(-np.expm1(-height * OURS.right_normal_rad / max(sigma_rad, LEAST_SIGMA_RAD)))
+
+
+def _rotation_sigma_rad(model_m, seen_px, rotation, position, camera: Camera) -> float:
+    """Standard deviation of a rotation that fits points (N, 3) to their pixels (N, 2), of all three angles
+    together, from the scatter of the pixels about the fit."""
+    fitted_px, slopes = cv2.projectPoints(model_m, rotation, position, camera.K, None)
+    by_position = slopes[:, 3:6].reshape(-1, 2, 3)
+    by_angle = np.cross((model_m @ cv2.Rodrigues(rotation)[0].T)[:, None], by_position)
+    slopes = np.concatenate([by_angle, by_position], -1).reshape(-1, 6)
+    variance_px2 = np.sum((fitted_px[:, 0] - seen_px) ** 2) / (len(slopes) - 6)
+    return float(np.sqrt(variance_px2 * np.trace(np.linalg.inv(slopes.T @ slopes)[:3, :3])))
 
 
 def answer(net, image: np.ndarray, modality: str, camera: Camera, port: Port) -> tuple[Pose, float] | None:

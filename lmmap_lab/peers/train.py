@@ -33,7 +33,7 @@ from ..training.learning import seeded
 from ..training.recipe import SHIPPED, Recipe
 from . import crops, points, regression, samples
 
-WEIGHTS = DATA / "weights" / "peers"  # of the study
+WEIGHTS = DATA / "peers"  # of the study
 CHECKPOINT_STEPS, CHECKED_BATCHES = 250, 4
 TRAINED_ON = Camera.davis346()
 

@@ -12,6 +12,7 @@ from lmmap.geometry.conics import circle_ellipse
 from lmmap.geometry.port import ideal_masks
 from lmmap.geometry.projection import project_points
 from lmmap.geometry.rotations import rotation_z
+from lmmap.settings import OURS
 from lmmap.types import EVENT, Camera, Estimate, Port, Pose, Recording, Status, Trajectory
 from lmmap_lab.bench.laboratory import sequence, sequence_motion
 from lmmap_lab.peers import crops, geometry, points, regression, samples, study, train
@@ -65,13 +66,28 @@ def test_pnp_on_exact_points_in_any_order_returns_the_pose(camera, rng):
         assert confidence == 1
 
 
-def test_pnp_survives_lost_and_false_points_and_is_less_sure(rng):
+def test_pnp_survives_lost_and_false_points(rng):
     at, heights = project_points(POSES[0], points.points_m(PORT), CAMERA), np.ones((points.CLASSES, 3))
     at[0, 0], heights[0, 0], at[5, 1] = np.nan, 0, (10, 10)
     found, confidence = points.solve(at, heights, PORT, CAMERA)
     assert position_error_m(found, POSES[0]) < 1e-8
-    assert confidence == pytest.approx(22 / 24)
+    assert confidence == 1  # of points without noise
     assert points.solve(np.full_like(at, np.nan), 0 * heights, PORT, CAMERA) is None
+
+
+def test_pnp_states_the_spread_of_its_rotations_and_half_the_height_doubles_its_scale(rng):
+    exact = project_points(POSES[0], points.points_m(PORT), CAMERA)
+    off_rad, stated_rad = [], []
+    for _ in range(100):
+        at, ones = exact + rng.normal(0, 0.5, exact.shape), np.ones(exact.shape[:2])
+        found, confidence = points.solve(at, ones, PORT, CAMERA)
+        off_rad.append(rotation_error_rad(found, POSES[0], PORT.yaw_period_rad))
+        stated_rad.append(-OURS.right_normal_rad / np.log1p(-confidence))
+        _, less = points.solve(at, ones / 2, PORT, CAMERA)
+        assert (1 - less) ** 2 == pytest.approx(1 - confidence)
+    assert np.sqrt(np.mean(np.square(stated_rad))) == pytest.approx(
+        np.sqrt(np.mean(np.square(off_rad))), rel=0.12
+    )
 
 
 def test_peaks_of_heatmaps_are_their_points():
