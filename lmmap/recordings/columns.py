@@ -40,20 +40,22 @@ TABLE = (
     Columns(("t_us",), "us", "the recording's clock", "time of the frame, or middle of the events' span"),
     Columns(("status",), "", "", "ok; predicted: by a tracker, not by the image; or why there is no pose"),
     *_pose("", "where the status is ok or predicted"),
-    Columns(SCORES[:1], "1", "image", "share of the ellipse's contour that has a point of the ring, 0 to 1"),
+    Columns(SCORES[:1], "1", "image", "fraction of the ellipse's contour with inliers nearby, 0 to 1"),
     Columns(SCORES[1:2], "1", "image", "mean marker mask inside the projected markers, 0 to 1"),
-    Columns(SCORES[2:], "1", "image", "the same for the rival"),
+    Columns(SCORES[2:], "1", "image", "the same for the rival, the pose with the circle's other normal"),
     Columns(ELLIPSE[:2], "px", UNDISTORTED, "centre of the ring's ellipse; whole numbers are pixel centres"),
     Columns(ELLIPSE[2:4], "px", UNDISTORTED, "its semi-axes"),
     Columns(ELLIPSE[4:], "rad", UNDISTORTED, "from +u to its major axis, modulo pi"),
     *_pose("rival_", "by the circle's other normal"),
-    *_pose("printed_", "by the formula as printed on the same ellipse"),
+    *_pose("printed_", "from the same ellipse by the printed formula"),
     Columns(
         CERTAINTY[:1], "1", "image", "how much better the pose explains the markers than its rival, 0 to 1"
     ),
-    Columns(CERTAINTY[1:2], "standard deviations", "", "distance of the ring from head-on"),
+    Columns(CERTAINTY[1:2], "standard deviations", "", "tilt of the ring away from head-on"),
     Columns(CERTAINTY[2:], "1", "", "probability that the pose is right, 0 to 1"),
-    Columns((OUTSIDE,), "0 or 1", "image", "1 where the ring is smaller or larger than the networks know it"),
+    Columns(
+        (OUTSIDE,), "0 or 1", "image", "1 where the ring is smaller or larger than in the training images"
+    ),
     Columns(
         COVARIANCE,
         "m², m rad, rad²",
@@ -61,8 +63,8 @@ TABLE = (
         "upper triangle of the covariance of x, y, z and of the rotation rx, ry, rz about the camera's axes; "
         "of the ring's pose where there is no other",
     ),
-    *_pose("ring_", "of the ring without markers; its yaw is unknown"),
-    *_pose("twin_", "of the ring without markers, by its other normal"),
-    *_pose("doubtful_", "not to be used: its confidence is too low, and the status is unsure"),
+    *_pose("ring_", "from the ring alone; the yaw is unknown"),
+    *_pose("twin_", "from the ring alone, by its other normal"),
+    *_pose("doubtful_", "withheld: its confidence is too low, and the status is unsure"),
 )
 COLUMNS = [name for columns in TABLE for name in columns.names]

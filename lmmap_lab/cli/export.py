@@ -25,27 +25,27 @@ JOINED = (
     "lmmap.pipeline.looks:second_opinion: run the steps with the networks of 'before'. Without a "
     "pose, or with one less confident than sure_confidence, run them with those of 'learned' as well. "
     "Without a first pose, the second counts if its confidence reaches min_confidence of this entry. If "
-    "the two are alike (right_position_m, right_normal_rad, right_rotation_rad), they make each other "
-    "surer (look_independence). If not, a second pose below min_confidence of the settings is ignored; "
-    "else the more confident one counts, less sure by the other, from the min_confidence of its own "
+    "the two agree (right_position_m, right_normal_rad, right_rotation_rad), the confidence rises "
+    "(look_independence). If not, a second pose below min_confidence of the settings is ignored; "
+    "otherwise the more confident one counts, with less confidence, from the min_confidence of its own "
     "networks"
 )
 STEPS = {  # in their order, of one image; tests compare them with an estimator's
-    "lmmap.pipeline.histograms:histogram": "events only: count the last N of them in each pixel, N = "
-    "events_per_window for 346 x 260 px and as many a pixel for other sensors",
+    "lmmap.pipeline.histograms:histogram": "events only: count the last N of them in each pixel; N is "
+    "events_per_window for 346 x 260 px, and in proportion to the number of pixels for other sensors",
     "lmmap.pipeline.rescale:resample": "bring the image to trained_focal_px, unless it is within focal_slack "
     "of it or would be enlarged by more than enlargement",
     "lmmap.pipeline.masks:look": "the ring's network, on the whole image",
     "lmmap.pipeline.ring:find_ring": "binarise the mask at mask_threshold, thin it, fit an ellipse and "
-    "measure its contour below a pixel, free of lens distortion",
+    "measure its contour to a fraction of a pixel, free of lens distortion",
     "lmmap.pipeline.circle:candidates": "the two poses of a circle of ring_radius_m that is seen as this "
     "ellipse",
     "lmmap.pipeline.masks:markers_box_px": "where the markers can be at these poses",
-    "lmmap.pipeline.crops:mask_about": "the reflectors' network, on a crop around that box that begins at "
+    "lmmap.pipeline.crops:mask_about": "the markers' network, on a crop around that box that begins at "
     "multiples of stride_px and reaches beyond the box by receptive_radius_px",
     "lmmap.pipeline.yaw:fast_yaw": "the yaw and the normal that masks and image edges support most",
     "lmmap.pipeline.refine:refine": "the pose refined on masks and edges, and its covariance",
-    "lmmap.pipeline.judge:judge": "its confidence; below min_confidence a pose is not to be used",
+    "lmmap.pipeline.judge:judge": "its confidence; do not use a pose below min_confidence",
 }
 
 

@@ -14,13 +14,13 @@ from .tables import CAMERAS, LIGHTS, WORDS, accuracy_table, claim_table, with_en
 
 
 def when_made(before: Sequence[str]) -> str:
-    """Of which estimator the committed tables are, if another estimator, networks or environment than the
-    present ones ran the sequences ``before``.
+    """Whether the committed tables are of the current estimator, networks and environment, or whether others
+    ran the sequences ``before``.
 
     Tables are made of all sequences at once, so those that were run again do not change them yet.
     """
     if not before:
-        return "made with the present estimator and networks"
+        return "made with the current estimator and networks"
     return ("made before the estimator, its networks or its packages changed, so that now the numbers may be "
             "better or worse")  # fmt: skip
 

@@ -17,6 +17,8 @@ STYLES = {  # of a hypothesis: its words, colour and mark
     NOISE: ("noise alone", "rival", "o"), LITERAL: ("printed formula, any lens", "paper", "s"),
     FOUR: ("best of four roots", "rgb", "D"), ASKEW: ("misaligned truth", "truth", "^"),
 }  # fmt: skip
+VARIATIONS = {"as it is": "as assumed", "no filter": "no outlier filter", "camera askew": "misaligned camera",
+              "noise of masks": "noise of our masks"}  # fmt: skip
 SHARES = {"beats_noise": "better than noise alone (%)", "beats_askew": "better than a misaligned truth (%)"}
 
 
@@ -81,4 +83,7 @@ def varied_table(study: pd.DataFrame):
     wide = wide.loc[list(study.variation.unique()), list(STYLES)].rename(
         columns={name: words for name, (words, *_) in STYLES.items()}
     )
-    return wide.rename_axis(index=None, columns=None).style.format(precision=3)
+    wide.index = wide.index.str.replace("noise lasts", "noise correlation, image to image:").str.replace(
+        " x ", " × "
+    )
+    return wide.rename(index=VARIATIONS).rename_axis(index=None, columns=None).style.format(precision=3)

@@ -142,14 +142,14 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
 
 
 def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
-    """Figure of right over wrong poses in a light, as the limit on the confidence varies: a curve a camera.
+    """Figure of right over wrong poses in a light, as the confidence threshold varies: a curve a camera.
 
     Parameters
     ----------
     limits
         `right_and_wrong.by_limit` with ``light`` and ``modality``.
     labelled
-        The limits that are written beside their dots.
+        The thresholds that are written beside their dots.
     """
     fig, ax = plt.subplots(figsize=(5.6, 2.9))
     for modality in MODALITIES:

@@ -77,7 +77,12 @@ def tests(networks: str) -> pd.DataFrame:
 
 def tests_table(networks: str):
     """`tests`, styled: the rows grouped by place and camera."""
-    table = tests(networks).replace({"light": LIGHTS, "place": {"slow": "slow motion"}})
+    table = tests(networks).replace(
+        {
+            "light": LIGHTS,
+            "place": {"slow": "slow motion", "second scene, judged once": "second scene, final test"},
+        }
+    )
     rows = table.set_index(["place", "camera", "light"]).rename_axis(index=(None,) * 3)
     return rows.style.format(precision=1)
 
@@ -172,7 +177,9 @@ def formats() -> pd.DataFrame:
     table = pd.read_csv(DATA / "results" / "formats.csv").drop(columns="name")
     words = {"images": "tested with", "bad input is one line": "bad input: one-line error",
              "clocks": "clocks of two cameras"}  # fmt: skip
-    return table.replace({"images": CAMERAS}).rename(columns=words)
+    return table.replace({"images": CAMERAS, "clocks": {"of one camera": "one camera only"}}).rename(
+        columns=words
+    )
 
 
 def ring_range_px() -> tuple[float, float]:

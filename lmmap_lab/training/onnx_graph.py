@@ -15,9 +15,9 @@ from lmmap.types import InputError
 OPSET, FORMAT = 17, 8  # versions of ONNX: runtimes of embedded computers lag behind
 IMAGES = {
     "rgb": "float32 (N, 3, H, W) of any H and W: red, green and blue of each pixel in this order, 0 to 255",
-    "event": "float32 (N, 1, H, W) of any H and W: events of each pixel, both polarities together, from 0",
+    "event": "float32 (N, 1, H, W) of any H and W: number of events in each pixel, of both polarities",
 }
-MASK = "float32 (N, 1, H, W): how probable it is that a pixel shows the {part}, 0 to 1"
+MASK = "float32 (N, 1, H, W): probability that a pixel shows the {part}, 0 to 1"
 PARTS = {"ring": "ring", "reflector": "markers"}
 
 

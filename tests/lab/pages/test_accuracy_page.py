@@ -68,5 +68,5 @@ def test_verdicts_stand_by_estimator_and_the_one_that_decides_is_bold():
 
 
 def test_tables_of_an_earlier_estimator_say_so():
-    assert accuracy_page.when_made([]) == "made with the present estimator and networks"
+    assert accuracy_page.when_made([]) == "made with the current estimator and networks"
     assert "made before the estimator" in accuracy_page.when_made(["test-low"])
