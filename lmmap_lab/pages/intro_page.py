@@ -45,6 +45,7 @@ HEADLINES = {  # claims of the paper by key, in short
     "normal_poor": "The normal is far less accurate than the position",
     "sensitivity_explains": "A one-pixel error, which can turn the normal by 8.9°, explains this",
     "satellite_agnostic": "The method needs to know nothing about the satellite except its port",
+    "lightweight": "It is lightweight",
     "slow_blinds_events": "Slow motion blinds the event camera",
     "reflect_blinds_frames": "A full reflection blinds the RGB camera",
     "false_detections": "Without a port, false poses are rare",
@@ -126,7 +127,7 @@ def walk(recording: Recording) -> tuple[list[Step], Estimate]:
     frame = image / 255
     contour = ("ellipse", ring.points(181), "event", "lines")
     sheet = np.full(frame[rows, columns].shape[:2], 0.96)
-    space = Step("two normals", "Two circles in space (blue, ochre) with their normals have this image.",
+    space = Step("two normals", "Two circles in space (blue and ochre, with their normals) have this image.",
                  sheet, _in_space(pair, port.ring_radius_m, sheet.shape))  # fmt: skip
     steps = [
         step("image", "A frame from the simulation.", frame),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib.pyplot as plt
 import pandas as pd
 
@@ -17,8 +19,10 @@ METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "pose": "learn
            PRINTED: "mixed, as printed", OURSELVES: "mixed, ours"}  # fmt: skip
 COLOURS = {GEOMETRY: "rival", "pnp": "event", "pose": "paper", "pose-large": "paper", "crop": "fused",
            PRINTED: "ink", OURSELVES: "ours"}  # fmt: skip
+UNSHOWN = "pose", "pose-large"  # in the figure: they have no right pose
 APART = 0.13  # of the methods at one place
 CURVES = "test", "second scene"
+KINDS = "right", "wrong"
 
 
 def draw_places(places: pd.DataFrame):
@@ -26,9 +30,10 @@ def draw_places(places: pd.DataFrame):
     names = list(places.place.unique())
     fig, axes = plt.subplots(2, 2, figsize=(7.6, 5.2), sharex=True, sharey="row")
     for column, modality in zip(axes.T, MODALITIES, strict=True):
-        for ax, what in zip(column, ("right", "wrong"), strict=True):
-            for k, (method, rows) in enumerate(_by_method(places[places.modality == modality])):
-                x = [names.index(place) + (k - 2.5) * APART for place in rows.place]
+        for ax, what in zip(column, KINDS, strict=True):
+            shown = places[(places.modality == modality) & ~places.method.isin(UNSHOWN)]
+            for k, (method, rows) in enumerate(_by_method(shown)):
+                x = [names.index(place) + (k - 2) * APART for place in rows.place]
                 ends = (rows[f"{what}_{end}"] for end in ("percent", "low", "high"))
                 draw_intervals(ax, x, *ends, COLOUR[COLOURS[method]], METHODS[method])
             ax.grid(axis="x", visible=False)
@@ -78,12 +83,15 @@ def test_table(places: pd.DataFrame) -> pd.DataFrame:
     return _in_words(means[list(words)].rename(columns=words)).map("{:.1f}".format)
 
 
-def elsewhere_table(places: pd.DataFrame, names, stem: str = "") -> pd.DataFrame:
-    """Right and wrong poses in percent at places with these names: a row a camera and method.  With ``stem``
-    "every_", of every pose, whatever its confidence."""
-    rows = places.set_index(["place", "method", "modality"])
-    right, wrong = (rows[f"{stem}{what}_percent"].map("{:.0f}".format) for what in ("right", "wrong"))
-    return _in_words((right + " / " + wrong).unstack("place")[list(names)])
+def elsewhere_table(places: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Right / wrong poses in percent at places with these names, with each method's limit on its confidence and
+    without: a row a camera and method."""
+    rows, columns = places.set_index(["place", "method", "modality"]).sort_index(), {}
+    for name in names:
+        for words, stem in (("", ""), (", no limit", "every_")):
+            right, wrong = (rows.loc[name, f"{stem}{what}_percent"].map("{:.0f}".format) for what in KINDS)
+            columns[name + words] = right + " / " + wrong
+    return _in_words(pd.DataFrame(columns))
 
 
 def cost_table(cost: pd.DataFrame) -> pd.DataFrame:

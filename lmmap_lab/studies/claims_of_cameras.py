@@ -49,7 +49,7 @@ def _modalities(table):
     cells = table.set_index(KEYS)
     factor = (
         f"the larger error is at most {ALIKE:g} times the smaller one, the widest ratio that the paper "
-        "itself calls similar; partly: in only a part of the lights"
+        "itself calls similar; partly: in only some of the lights"
     )
     high, low = ([(gap, "rgb"), (gap, "event")] for gap in ("high", "low"))
     events = [("high", "event"), ("low", "event")]
@@ -61,7 +61,7 @@ def _modalities(table):
             high,
             LIGHTS[2:],
             _second_better,
-            "the error of events is smaller, and the 95 % intervals are apart",
+            "the error of events is smaller, and the 95 % intervals do not overlap",
         ),
         ("alike_low_gap", low, LIGHTS, _alike, factor),
         ("events_either_gap", events, LIGHTS, _alike, factor),
@@ -70,8 +70,8 @@ def _modalities(table):
             low,
             LIGHTS[2:],
             _first_no_worse,
-            f"frames err at most {ALIKE:g} times as much as events once the gap is closed; where events do "
-            "not win across the gap there is nothing to explain, and this cannot be tested",
+            f"once the gap is closed, the error of frames is at most {ALIKE:g} times that of events; where "
+            "events do not win across the gap there is nothing to explain, and this cannot be tested",
         ),
     ):
         both = [
@@ -153,8 +153,8 @@ def _generalisation(gap):
         "in words",
         {"ours": ("; ".join(f"{c.light} {c.value:.2f}" for c in frames),
                   verdict([bool(c["low"] > 0) for c in frames]))},
-        "the mask overlap that the gap costs frames has a 95 % interval above zero in each light, by three "
-        "seeds of equal training",
+        "in each light, the 95 % interval of the mask overlap that frames lose to the gap is above zero, "
+        "over three seeds of equal training",
     )  # fmt: skip
     pairs = {m: [cost(m, mean, camera) for camera in domain_gap.CAMERAS] for m in MEASURES}
     apart = {m: cost(m, mean, domain_gap.EITHER) for m in MEASURES}
@@ -170,7 +170,8 @@ def _generalisation(gap):
         "in words",
         {"ours": (text, HOLDS if all(less) else PARTLY if any(less) and not any(more) else FAILS)},
         "events lose less than frames by all three measures, and each 95 % interval of the difference, over "
-        "sequences and three seeds of equal training, is above zero; partly: by some, and more by none",
+        "sequences and three seeds of equal training, is above zero; partly: they lose less by one or two "
+        "of them and more by none",
     )
     yield row(
         "events_see_edges",

@@ -46,13 +46,13 @@ def _hard_cases(counts):
             reported,
             {"ours": (f"{rate['rgb']:.1f} | {rate['event']:.1f}", judged)},
             f"the blinded camera has an ellipse in under {BLIND_PERCENT:.0f} % of its images, the other in "
-            "over half; partly: in less than half as many as the other",
+            "over half; partly: it has one in less than half as many images as the other",
         )
     yield _noise(float(stated["ellipse detection success, event", "slow motion"]))
     yield row(
         "saturation_blinds_frames",
         "in words",
-        {"ours": ("not separated from what else the reflection does", UNTESTED)},
+        {"ours": ("not separated from the reflection's other effects", UNTESTED)},
         "it would take the same frames with a sensor that does not saturate",
     )
     poses = {name: 100 * table.poses / table.images for name, table in of_case.items()}
@@ -77,7 +77,7 @@ def _noise(paper_percent: float):
         "in words",
         {"ours": (text if found else "none does", verdict(found))},
         f"some noise of the sensor, with nothing else changed, brings the ellipses down to the paper's "
-        f"{paper_percent:g} %; whose noise was theirs is not known",
+        f"{paper_percent:g} %; the noise of their sensor is not known",
     )  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def _odometry():
         "in words",
         {"ours": ("; ".join(f"{middle_mm[s]:.0f}" for s in names),
                   verdict([middle_mm[s] > ENOUGH_MM for s in names]))},
-        f"the best one's median relative error is over {ENOUGH_MM:.0f} mm, a limit of ours",
+        f"the best one's median relative error is over {ENOUGH_MM:.0f} mm, which is our limit",
     )  # fmt: skip
 
 

@@ -124,14 +124,14 @@ def _networks():
     theirs = stated["augmented textures training"] + stated["realistic training"]
     text = (
         f"{minutes:.0f} min of recordings, {cards['rgb']['training_images']} frames and "
-        f"{cards['event']['training_images']} histograms; {100 * LEARNT:.0f} % of the last overlap after "
+        f"{cards['event']['training_images']} histograms; {100 * LEARNT:.0f} % of the final overlap after "
         f"{100 * shares['rgb']:.0f} | {100 * shares['event']:.0f} % of the steps (frames | events)"
     )
     yield row(
         "data_efficient",
         f"{theirs:.0f} min of recordings",
         {"ours": (text, verdict([minutes <= theirs, max(shares.values()) <= QUICKLY]))},
-        f"no more recordings than the paper's, and {100 * LEARNT:.0f} % of the last overlap in at most "
+        f"no more recordings than the paper's, and {100 * LEARNT:.0f} % of the final overlap in at most "
         f"{100 * QUICKLY:.0f} % of the steps; simulated sequences differ more from one another than the "
         "minutes of a real one",
     )
@@ -166,14 +166,14 @@ def _speed():
         "ten_hz",
         f"{PAPER.rate_hz:g} Hz, i7-1370p and RTX A500",
         {"ours": (f"{text} ({where})", verdict([v >= PAPER.rate_hz for v in alone + tracked]))},
-        f"either camera reaches {PAPER.rate_hz:g} Hz, each image by itself and tracked; "
+        f"both cameras reach {PAPER.rate_hz:g} Hz, each image by itself and tracked; "
         "`python benchmarks/pace.py` prints the reader's own",
     )
     yield row(
         "memory",
         f"{stated['CPU use']} % of the processor, {stated['VRAM']} MB of video memory",
         {"ours": (f"{facts['memory_mb']} MB of the processor's memory, and no graphics card", UNTESTED)},
-        "other memory of another machine; of ours most is PyTorch",
+        "another kind of memory on another machine; most of ours is PyTorch's",
     )
     theirs = [
         float(np.mean([ms[part, m] for m in MODALITIES])) for part in ("their RANSAC", "their grid of yaws")
