@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -84,8 +85,8 @@ def test_table(places: pd.DataFrame) -> pd.DataFrame:
 
 
 def elsewhere_table(places: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """Right / wrong poses in percent at places with these names, with each method's limit on its confidence and
-    without: a row a camera and method."""
+    """Right / wrong poses in percent at places with these names, with each method's limit on its confidence
+    and without: a row a camera and method."""
     rows, columns = places.set_index(["place", "method", "modality"]).sort_index(), {}
     for name in names:
         for words, stem in (("", ""), (", no limit", "every_")):
@@ -105,12 +106,12 @@ def cost_table(cost: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_answers(image, answers: dict[str, Estimate], truth, camera: Camera, port: Port):
-    """One image with each method's pose (orange) and the true one (green)."""
+    """One image with each method's pose (orange), reported or doubtful, and the true one (green)."""
     fig, axes = plt.subplots(2, -(-len(answers) // 2), figsize=(7.6, 4.4), squeeze=False)
     for ax in axes.flat[len(answers) :]:
         ax.set_axis_off()
     for ax, (method, answer) in zip(axes.flat, answers.items(), strict=False):
-        draw_estimate(ax, image, answer, port, camera, truth)
+        draw_estimate(ax, image, replace(answer, T_cam_port=answer.found), port, camera, truth)
         ax.set_title(f"{METHODS[method]}: {answer.status}", fontsize=8)
     return fig
 

@@ -177,7 +177,7 @@ def _generalisation(gap):
         "events_see_edges",
         "in words",
         {"ours": ("no experiment of ours separates edges from what else differs", UNTESTED)},
-        "it would take networks on edges of frames, trained alike",
+        "needs equally trained networks on the edges of frames",
     )
 
 

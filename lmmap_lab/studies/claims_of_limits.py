@@ -99,7 +99,7 @@ def _odometry():
         "evo_fails",
         "tracking failed after a couple of seconds",
         {"ours": ("not the authors' program", UNTESTED)},
-        "the chapter on visual odometry runs one that is written from its paper",
+        "the chapter on visual odometry runs our own implementation, from its paper",
     )
     theirs = log[log.method.isin(odometry.METHODS[1:])]
     totals = theirs.groupby("modality")[["tracked", "frames"]].sum()
@@ -169,5 +169,5 @@ def _without_labels():
         "gap_without_labels",
         "not asked",
         {"ours": (text, ASKED)},
-        "no sentence of the paper; tested on the last part of the test, which taught nothing",
+        "no sentence of the paper; tested on the last part of the test, which was not used for learning",
     )

@@ -166,7 +166,7 @@ def _speed():
         "ten_hz",
         f"{PAPER.rate_hz:g} Hz, i7-1370p and RTX A500",
         {"ours": (f"{text} ({where})", verdict([v >= PAPER.rate_hz for v in alone + tracked]))},
-        f"both cameras reach {PAPER.rate_hz:g} Hz, each image by itself and tracked; "
+        f"both cameras reach {PAPER.rate_hz:g} Hz, with and without tracking; "
         "`python benchmarks/pace.py` prints the reader's own",
     )
     yield row(
