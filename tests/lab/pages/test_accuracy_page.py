@@ -47,7 +47,7 @@ def test_claims_lose_no_column():
     page = tables.to_html(accuracy_page.claims_table(claims))
     parts = (
         "This rejects the HDR difference hypothesis",
-        "Numbers: position, median",
+        "Numbers: median position error (mm)",
         "Holds if: a <code>rule</code>",
         "(cause)",
         "1 and 2",
