@@ -19,6 +19,7 @@ PLACES, COST, CURVES, PICTURES = (
     DATA / "results" / "peers" / f"{name}.csv" for name in ("places", "cost", "curves", "pictures")
 )
 OURSELVES, PRINTED, GEOMETRY = "pipeline", "as printed", "geometry"  # methods of these tables
+WORDS = {GEOMETRY: "geometry alone", "pnp": "points with PnP", "crop": "learned pose"}
 ELSEWHERE = "second scene", "varied laboratories"
 FEW_IMAGES = 100
 AS_WELL_POINTS = 5.0  # of the right poses, in percent of the images
@@ -88,21 +89,22 @@ def _data_efficient(curves):
 def _lightweight(places, cost):
     """Whether nothing that does as well is lighter."""
     right, cost = of_test(places).right_percent, cost.set_index(["method", "modality"])
-    texts, lightest = [], []
-    for m in MODALITIES:
-        ours, peers = cost.loc[OURSELVES, m], cost.xs(m, level="modality").drop([OURSELVES, PRINTED])
-        as_well = [p for p in peers.index if right[p, m] >= right[OURSELVES, m] - AS_WELL_POINTS]
-        lighter = [p for p in as_well
-                   if peers.parameters[p] < ours.parameters and peers.gflop[p] < ours.gflop]  # fmt: skip
-        lightest.append(not lighter)
-        said = ", ".join(lighter) or "none"
-        texts.append(
-            f"{ours.parameters:,.0f} parameters, {ours.gflop:.1f} GFLOP; as good and lighter: {said}"
-        )
+    judged = {}
+    for estimator, method in (("as_printed", PRINTED), ("ours", OURSELVES)):
+        texts, lightest = [], []
+        for m in MODALITIES:
+            own, peers = cost.loc[method, m], cost.xs(m, level="modality").drop([OURSELVES, PRINTED])
+            lighter = [p for p in peers.index
+                       if right[p, m] >= right[method, m] - AS_WELL_POINTS
+                       and peers.parameters[p] < own.parameters and peers.gflop[p] < own.gflop]  # fmt: skip
+            lightest.append(not lighter)
+            named = ", ".join(WORDS.get(p, p) for p in lighter) or "none"
+            texts.append(f"{right[method, m]:.0f} % right; as good and lighter: {named}")
+        judged[estimator] = " | ".join(texts), verdict(lightest)
     return row(
         "lightweight",
         "in words",
-        {"ours": (" | ".join(texts), verdict(lightest))},
+        judged,
         f"no peer within {AS_WELL_POINTS:g} percentage points of its right poses on the test has fewer "
         "parameters and fewer operations; partly: with one camera",
     )

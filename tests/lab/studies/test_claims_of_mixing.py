@@ -66,4 +66,4 @@ def test_it_is_lightweight_unless_a_peer_as_good_is_lighter():
     assert mixing._lightweight(places(peers=86.0), costs(pnp=5e5))["verdict"] == FAILS
     assert mixing._lightweight(places(peers=86.0), costs(pnp=2e6, pose=2e6, geometry=2e6))["verdict"] == HOLDS
     found = mixing._lightweight(places(peers=86.0), costs(geometry=0.0))
-    assert found["verdict"] == FAILS and "lighter: geometry" in found["ours"]
+    assert found["verdict"] == FAILS and "lighter: geometry alone" in found["ours"]
