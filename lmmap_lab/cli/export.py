@@ -27,8 +27,8 @@ JOINED = (
     "Without a first pose, the second counts if its confidence reaches min_confidence of this entry. If "
     "the two agree (right_position_m, right_normal_rad, right_rotation_rad), the confidence rises "
     "(look_independence). If not, a second pose below min_confidence of the settings is ignored; "
-    "otherwise the more confident one counts, with less confidence, from the min_confidence of its own "
-    "networks"
+    "otherwise the more confident pose counts with a lowered confidence, if this reaches the "
+    "min_confidence of that pose's networks"
 )
 STEPS = {  # in their order, of one image; tests compare them with an estimator's
     "lmmap.pipeline.histograms:histogram": "events only: count the last N of them in each pixel; N is "
