@@ -114,7 +114,7 @@ def costs(weights: Path, samples: Path) -> pd.DataFrame:
         image = next(iter(images(recording, modality)))[1]
         table = study.cost(study.estimators(modality, weights), image).assign(modality=modality)
         trained = {name: ((name,) if name in train.PEERS else train.FILTERS) for name in table.method}
-        trained[GEOMETRY] = ()
+        trained |= {GEOMETRY: (), "crop": ("pose", "crop")}
         ms = {p: step_ms(p, modality, weights, samples) for p in sorted({*sum(trained.values(), ())})}
         rows.append(table.assign(step_ms=[sum(ms[p] for p in trained[name]) for name in table.method]))
     return pd.concat(rows, ignore_index=True)

@@ -15,12 +15,9 @@ from ..studies.claims_of_mixing import GEOMETRY, OURSELVES, PRINTED, of_test
 from .drawings import COLOUR, draw_estimate, draw_intervals, plain_log
 from .tables import CAMERAS
 
-METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "pose": "learned pose, no crop",
-           "pose-large": "learned pose, no crop, large", "crop": "learned pose",
+METHODS = {GEOMETRY: "geometry alone", "pnp": "points, then PnP", "crop": "learned pose",
            PRINTED: "mixed, as printed", OURSELVES: "mixed, ours"}  # fmt: skip
-COLOURS = {GEOMETRY: "rival", "pnp": "event", "pose": "paper", "pose-large": "paper", "crop": "fused",
-           PRINTED: "ink", OURSELVES: "ours"}  # fmt: skip
-UNSHOWN = "pose", "pose-large"  # in the figure: they have no right pose
+COLOURS = {GEOMETRY: "rival", "pnp": "event", "crop": "fused", PRINTED: "ink", OURSELVES: "ours"}
 APART = 0.13  # of the methods at one place
 CURVES = "test", "second scene"
 KINDS = "right", "wrong"
@@ -32,8 +29,7 @@ def draw_places(places: pd.DataFrame):
     fig, axes = plt.subplots(2, 2, figsize=(7.6, 5.2), sharex=True, sharey="row")
     for column, modality in zip(axes.T, MODALITIES, strict=True):
         for ax, what in zip(column, KINDS, strict=True):
-            shown = places[(places.modality == modality) & ~places.method.isin(UNSHOWN)]
-            for k, (method, rows) in enumerate(_by_method(shown)):
+            for k, (method, rows) in enumerate(_by_method(places[places.modality == modality])):
                 x = [names.index(place) + (k - 2) * APART for place in rows.place]
                 ends = (rows[f"{what}_{end}"] for end in ("percent", "low", "high"))
                 draw_intervals(ax, x, *ends, COLOUR[COLOURS[method]], METHODS[method])
