@@ -171,6 +171,12 @@ def curves(folder: Path, tuning: Sequence[Recording]) -> pd.DataFrame:
     return table.drop(columns="weights").assign(images_learned=numbers[0], seed=numbers[1])
 
 
+def recipes(folder: Path) -> dict[str, dict]:
+    """The recipe of each network in a folder."""
+    paths = [p for p in sorted(folder.glob("*.safetensors")) if "ckpt" not in p.name]
+    return {p.stem: load_card(p)["recipe"] for p in paths}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("weights", type=Path, metavar="FOLDER")
@@ -180,15 +186,14 @@ def main() -> None:
     torch.set_num_threads(1)
     tuning = [bench(name) for name in TUNING]
     limits = {m: limits_of(a.weights, m, tuning) for m in MODALITIES}
-    recipes = {p.stem: load_card(p)["recipe"]
-               for p in sorted(a.weights.glob("*.safetensors")) if "ckpt" not in p.name}  # fmt: skip
-    facts = {"limits": limits, "recipes": recipes}
+    facts = {"limits": limits, "recipes": recipes(a.weights)}
     if a.pictures:
         save_table(PICTURES, of_pictures(a.pictures, a.weights, limits), **facts)
     if a.samples:
         save_table(COST, costs(a.weights, a.samples))
     if a.curves:
-        save_table(CURVES, curves(a.curves, tuning))
+        of_each = {folder.name: recipes(folder) for folder in sorted(a.curves.glob("*-*"))}
+        save_table(CURVES, curves(a.curves, tuning), recipes=of_each)
     table = pd.concat(at_places(AT, {a.weights: limits}), ignore_index=True).drop(columns="weights")
     names = {place: names for place, (_, names, _) in AT.items()}
     save_table(PLACES, table, **facts, sequences=names)
