@@ -45,6 +45,7 @@ HEADLINES = {  # claims of the paper by key, in short
     "normal_poor": "The normal is far less accurate than the position",
     "sensitivity_explains": "A one-pixel error, which can turn the normal by 8.9°, explains this",
     "satellite_agnostic": "The method needs to know nothing about the satellite except its port",
+    "data_efficient": "It is data-efficient",
     "lightweight": "It is lightweight",
     "slow_blinds_events": "Slow motion blinds the event camera",
     "reflect_blinds_frames": "A full reflection blinds the RGB camera",

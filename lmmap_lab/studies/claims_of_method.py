@@ -1,4 +1,4 @@
-"""What the paper says of its method: the limits of the geometry, how little it needs, and how fast it is."""
+"""What the paper says of its method: the limits of the geometry, its size and how fast it is."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from lmmap.geometry.port import circle_points_m
 from lmmap.geometry.projection import project
 from lmmap.pipeline import circle
 from lmmap.pipeline.network import CHANNELS, FilterNet
-from lmmap.pipeline.weights import load_card, weight_path
 from lmmap.settings import MODALITIES, PAPER
 from lmmap.types import Camera, Port, Pose
 
-from ..bench.laboratory import SECONDS
 from ..provenance import DATA, load_table
 from . import formula, sensitivity
 from .verdicts import UNTESTED, other_results, row, verdict
@@ -24,7 +22,6 @@ from .verdicts import UNTESTED, other_results, row, verdict
 TYPICAL_M, INCLINED_RAD = 0.6, np.pi / 4  # the distance and the tilt of the paper's example
 PIXEL_OF_NOISE, POINTS = 0.5, 250  # of the bound: as in the chapter on sensitivity
 SIMILAR_DEG = 1.0  # apart, of two normals that would be called similar
-LEARNT, QUICKLY = 0.9, 0.5  # of the last overlap, and of the steps
 AROUND = 0.05  # of a number that the paper states as "around"
 PACE = DATA / "results" / "pace.csv"
 
@@ -114,27 +111,6 @@ def roots_apart_rad(T: Pose, camera: Camera, radius_m: float) -> np.ndarray:
 
 
 def _networks():
-    cards = {m: load_card(weight_path("ring", m)) for m in MODALITIES}
-    shares = {m: _learnt(card["curve"]) for m, card in cards.items()}
-    names = cards["rgb"]["training_sequences"]
-    minutes = sum(SECONDS["quick"][name.split("-")[0]] for name in names) / 60
-    stated = (
-        other_results().query("where == 'data' and unit == 'min'").set_index("quantity").value.astype(float)
-    )
-    theirs = stated["augmented textures training"] + stated["realistic training"]
-    text = (
-        f"{minutes:.0f} min of recordings, {cards['rgb']['training_images']} frames and "
-        f"{cards['event']['training_images']} histograms; {100 * LEARNT:.0f} % of the final overlap after "
-        f"{100 * shares['rgb']:.0f} | {100 * shares['event']:.0f} % of the steps (frames | events)"
-    )
-    yield row(
-        "data_efficient",
-        f"{theirs:.0f} min of recordings",
-        {"ours": (text, verdict([minutes <= theirs, max(shares.values()) <= QUICKLY]))},
-        f"no more recordings than the paper's, and {100 * LEARNT:.0f} % of the final overlap in at most "
-        f"{100 * QUICKLY:.0f} % of the steps; simulated sequences differ more from one another than the "
-        "minutes of a real one",
-    )
     counts = [sum(p.numel() for p in FilterNet(CHANNELS[m]).parameters()) for m in MODALITIES]
     stated = float(other_results().set_index("quantity").value["parameters of one filter network"])
     near = [abs(count / stated - 1) < AROUND for count in counts]
@@ -144,12 +120,6 @@ def _networks():
         {"ours": (" | ".join(f"{count:,}" for count in counts), verdict(near))},
         f"within {100 * AROUND:.0f} % of it; the paper leaves the widths open, ours were chosen for this",
     )
-
-
-def _learnt(curve: list[dict]) -> float:
-    """Share of the steps after which a training has `LEARNT` of its last overlap."""
-    overlaps = np.array([at["iou"] for at in curve])
-    return curve[int(np.argmax(overlaps >= LEARNT * overlaps[-1]))]["step"] / curve[-1]["step"]
 
 
 def _speed():

@@ -30,6 +30,7 @@ def claims_of_mixing() -> Iterator[dict]:
     """Rows of `verdicts.row`, from the committed study of the peers."""
     places = load_table(PLACES)
     yield _satellite_agnostic(places)
+    yield _data_efficient(load_table(CURVES))
     yield _lightweight(places, load_table(COST))
 
 
