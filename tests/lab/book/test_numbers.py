@@ -165,6 +165,7 @@ def _rows(name: str, query: str, *keys: str) -> pd.DataFrame:
 
 
 PLACES = "set", "modality", "light"
+LEARNED = "method in ('pnp', 'pose', 'crop') and place == 'second scene'"
 ONE_NUMBER = [
     (("wrong-poses", "weights == 'robust' and estimator == 'confident poses'", *PLACES),
      ("slim", "weights == 'robust' and light != 'all' and set != 'tuning'", *PLACES)),
@@ -172,6 +173,8 @@ ONE_NUMBER = [
      ("turned", "looks == 'looks again'", *PLACES)),
     (("accuracy/default", "modality in ('rgb', 'event') and light != 'no port'", "light", "modality"),
      ("tracks-paper", "estimates == 'frame by frame'", "light", "camera")),
+    (("peers/places", LEARNED, "method", "modality"),
+     ("peers/curves", LEARNED + " and images_learned > 1000", "method", "modality")),
 ]  # fmt: skip
 
 
@@ -201,7 +204,7 @@ def test_the_region_of_the_chosen_fusion_is_that_of_the_present_one():
 
 
 COMPARED = {  # what the tests above compare
-    *(frozenset(name.split("/")[0] for name, *_ in pair) for pair in ONE_NUMBER),
+    *(frozenset(name.replace("accuracy/default", "accuracy") for name, *_ in pair) for pair in ONE_NUMBER),
     frozenset({"adaptation/places-images", "adaptation/whole-images"}),
     frozenset({"fusion/choices", "fusion/present"}),
 }
