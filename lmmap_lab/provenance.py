@@ -164,6 +164,11 @@ def save_table(path: Path, table: pd.DataFrame, **facts) -> Path:
     return write_text(path, table.to_csv(index=False, float_format="%.6g"))
 
 
+def facts_of(path: Path) -> dict:
+    """What `save_table` wrote beside a table."""
+    return json.loads(path.with_suffix(".provenance.json").read_text())
+
+
 def load_table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,7 +14,7 @@ from lmmap.pipeline.network import CHANNELS, FilterNet
 from lmmap.settings import MODALITIES, PAPER
 from lmmap.types import Camera, Port, Pose
 
-from ..provenance import DATA, load_table
+from ..provenance import DATA, facts_of, load_table
 from . import formula, sensitivity
 from .verdicts import UNTESTED, other_results, row, verdict
 
@@ -31,7 +30,7 @@ def claims_of_method() -> Iterator[dict]:
     camera, port = Camera.davis346(), Port.lm_map()
     yield from _limits(camera, port.ring_radius_m)
     yield from _circle(camera, port)
-    yield from _networks()
+    yield _parameters()
     yield from _speed()
 
 
@@ -110,11 +109,11 @@ def roots_apart_rad(T: Pose, camera: Camera, radius_m: float) -> np.ndarray:
     return np.arctan2(sine, np.sum(n[..., 0, :] * n[..., 1, :], -1))
 
 
-def _networks():
+def _parameters():
     counts = [sum(p.numel() for p in FilterNet(CHANNELS[m]).parameters()) for m in MODALITIES]
     stated = float(other_results().set_index("quantity").value["parameters of one filter network"])
     near = [abs(count / stated - 1) < AROUND for count in counts]
-    yield row(
+    return row(
         "parameters",
         f"{stated:,.0f}",
         {"ours": (" | ".join(f"{count:,}" for count in counts), verdict(near))},
@@ -124,7 +123,7 @@ def _networks():
 
 def _speed():
     pace = load_table(PACE)
-    facts = json.loads(PACE.with_suffix(".provenance.json").read_text())
+    facts = facts_of(PACE)
     precision = pace.precision.iloc[-1]  # that of `lmmap estimate` on this machine
     ms = pace[pace.precision == precision].set_index(["part", "modality"]).ms
     alone, tracked = ([1e3 / ms[part, m] for m in MODALITIES] for part in ("image to pose", "tracker"))
