@@ -1,6 +1,6 @@
 """lmmap: pose of the LM-MAP docking port from an RGB or event camera, reproducibly.
 
-Each public name is imported when it is first used, so that ``import lmmap`` is immediate.
+Each public name is imported on first use, so that ``import lmmap`` is fast.
 """
 
 import importlib

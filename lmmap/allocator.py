@@ -12,8 +12,8 @@ def tune_allocator() -> None:
     """Have glibc keep the networks' large buffers for the rest of this process, which has to be ours: the
     command's, or a worker's.
 
-    Given back at each free and faulted in anew page by page, the buffers cost a fifth of the time.  Other
-    allocators are left as they are.
+    If they were returned at each free and faulted in again page by page, they would cost a fifth of the time.
+    Other allocators are left as they are.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt:

@@ -1,7 +1,7 @@
 """Cameras and ports as files: a dataclass's fields in JSON.
 
-Both read everything with one error, `InputError`, that names the file, the problem and the remedy.  A file is
-parsed only if it is short and flat, and each value is checked for its type and its range before it is used.
+Both readers raise a single error, `InputError`, which names the file, the problem and the remedy.  A file is
+parsed only if it is short and flat, and the type and range of each value are checked before it is used.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ PORT = {
 
 
 def read_camera(path, size_px=None, topics=()) -> Camera:
-    """A camera from our JSON or, by readers of other programs' formats, from one of their calibrations.
+    """Read a camera from our JSON or, if lmmap_readers is installed, from another program's calibration.
 
-    Of several cameras in a file it is the one that ``FILE:NAME`` names, or that has the size and topic of a
-    recording; a warning says so where that leaves a choice.
+    If a file holds several cameras, take the one that ``FILE:NAME`` names, or that matches a recording's
+    ``size_px`` (width, height) and topics; a warning says so if that leaves a choice.  Raises `InputError`.
     """
     path, wanted = split_name(path)
     expected = "expected our JSON, or a calibration of OpenCV, ROS, Kalibr, DV, Metavision or COLMAP"
@@ -68,12 +68,12 @@ def read_camera(path, size_px=None, topics=()) -> Camera:
 
 
 def camera_of(values: dict) -> Camera:
-    """The camera that a recording holds, checked as that of a file; raises ValueError."""
+    """The camera stored in a recording, checked like one from a file; raises ValueError."""
     return _checked(values, Camera, CAMERA)
 
 
 def odd(camera: Camera) -> str | None:
-    """What hardly any camera has, in words: a centre far from the image's, its lens, oblong pixels."""
+    """Say what is implausible about a camera (centre, focal length or pixel shape); None if nothing is."""
     width, height, fx, fy, cx, cy = (getattr(camera, n) for n in ("width_px", "height_px", *NAMES))
     if abs(cx - (width - 1) / 2) > width / 5 or abs(cy - (height - 1) / 2) > height / 5:
         return f"its centre ({cx:g}, {cy:g}) is far from the middle of {width} x {height} px"
@@ -83,7 +83,13 @@ def odd(camera: Camera) -> str | None:
 
 
 def split_name(path) -> tuple[Path, str]:
-    """The file and the camera of ``FILE:NAME``; the name is empty for ``FILE`` alone."""
+    """Split ``FILE:NAME`` into file and camera; the name is empty for ``FILE`` alone.
+
+    Raises
+    ------
+    InputError
+        If there is a colon but no name.
+    """
     file, _, name = str(path).rpartition(":")
     if not os.path.exists(file) or os.path.exists(path):
         return Path(path), ""
@@ -93,18 +99,18 @@ def split_name(path) -> tuple[Path, str]:
 
 
 def read_port(path) -> Port:
-    """A port from our JSON."""
+    """Read a port from our JSON; raises `InputError`."""
     return _read(path, Port, PORT, "port", "expected a JSON object with the fields of lmmap.Port", read_json)
 
 
 def write_fields(path, instance: Camera | Port) -> None:
-    """Write a camera or port as JSON; `InputError` for one that could not be read again."""
+    """Write a camera or port as JSON; raises `InputError` if it could not be read again."""
     values = {f.name: getattr(instance, f.name) for f in fields(instance)}
     try:
         _checked(values, type(instance), CAMERA if isinstance(instance, Camera) else PORT)
     except ValueError as error:
         raise InputError(
-            f"{path}: not written, since it could not be read again ({error}); check it"
+            f"{path}: not written, since it could not be read again ({error}); correct that value"
         ) from None
     write_text(path, json.dumps(values, indent=1) + "\n")
 

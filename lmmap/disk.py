@@ -1,4 +1,4 @@
-"""What lies beside a file while it is written: locks, and unfinished files that the next run removes."""
+"""Files beside an output while it is written: locks, and unfinished files that the next run removes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def writes(path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(
-            f"{path}: cannot write ({error.strerror or error}); choose a folder with room that you may write"
+            f"{path}: cannot write ({error.strerror or error}); choose a writable folder with enough room"
         ) from None
 
 
@@ -35,7 +35,7 @@ def is_special(path) -> bool:
 
 
 def open_special(path) -> BinaryIO:
-    """Open a device or a pipe for writing; `InputError` instead of waiting for a pipe's reader."""
+    """Open a device or a pipe for writing; raise `InputError` rather than wait for a pipe's reader."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
     except OSError as error:
@@ -47,7 +47,7 @@ def open_special(path) -> BinaryIO:
 
 
 def part_of(path: Path) -> Path:
-    """Where the unfinished ``path`` lies; its name is ours alone, so whatever is there may be removed."""
+    """Path of the unfinished ``path``; only lmmap uses such names, so whatever is there may be removed."""
     return path.with_name(f".{path.stem}.lmmap{path.suffix}")
 
 
@@ -55,7 +55,7 @@ def part_of(path: Path) -> Path:
 def temporary(path) -> Iterator[Path]:
     """A free name beside ``path`` for an unfinished file or folder.
 
-    What a killed run left there is removed first, and what is there when the block ends is removed, too.
+    Anything that a killed run left there is removed first, and anything left when the block ends as well.
     """
     path = Path(path)
     part = part_of(path)
@@ -81,7 +81,7 @@ def tidy(path) -> None:
 
 
 def is_there(path) -> bool:
-    """Whether a finished file or folder is there, which is tidied then."""
+    """Whether a finished file or folder exists; if so, `tidy` it."""
     there = os.path.lexists(path)
     if there:
         tidy(path)
@@ -90,14 +90,14 @@ def is_there(path) -> bool:
 
 @contextmanager
 def lock(path, kind: str = "lock") -> Iterator[None]:
-    """Keep other processes from writing to ``path``; the system frees it when the process ends, however.
+    """Keep other processes from writing to ``path``; however the process ends, the system releases the lock.
 
     Devices and pipes are not locked, and locks of another ``kind`` are independent.
 
     Raises
     ------
     InputError
-        If another process holds it.
+        If another process holds the lock.
     """
     try:
         import fcntl

@@ -1,4 +1,4 @@
-"""Short flat documents in JSON, and a check of each of their values."""
+"""Read short, flat JSON documents and check each of their values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MAX_DEPTH = 20  # of nested lists and objects; a calibration has three
 
 
 def read_json(text: str):
-    """A short flat JSON document; raises ValueError."""
+    """Parse a short, flat JSON document; raises ValueError."""
     try:
         return json.loads(text, object_pairs_hook=once)
     except RecursionError:
@@ -17,7 +17,7 @@ def read_json(text: str):
 
 
 def once(pairs: list[tuple]) -> dict:
-    """A dict of pairs; ValueError where a name is stated twice."""
+    """Make a dict of pairs; raises ValueError if a name occurs twice."""
     values = dict(pairs)
     if len(values) < len(pairs):
         names = [name for name, _ in pairs]
@@ -26,15 +26,15 @@ def once(pairs: list[tuple]) -> dict:
 
 
 def check_fields(values: dict, schema: dict, required: set[str]) -> dict:
-    """The values, lists as tuples, where each is of its schema's type and within its range.
+    """Check each value against its schema's type and range; return the values, with lists as tuples.
 
-    A schema has ``(type, low, high)``, or for lists of such numbers ``((type, low, high), lengths)``, or
-    ``(str, *choices)``.
+    A schema maps a name to ``(type, low, high)``, to ``((type, low, high), lengths)`` for a list of such
+    numbers, or to ``(str, *choices)``.
 
     Raises
     ------
     ValueError
-        That names the first field that is missing, unknown or wrong.
+        If a field is missing, unknown or wrong; the message names it.
     """
     if not isinstance(values, dict):
         raise ValueError("expected an object")
@@ -66,7 +66,7 @@ def _check_value(name: str, value, rule):
 
 
 def shown(value) -> str:
-    """A value in a few characters."""
+    """Abbreviate a value to a few characters."""
     if isinstance(value, list | tuple):
         return f"{len(value)} values"
     if isinstance(value, int) and abs(value) >= 10**30:

@@ -1,4 +1,4 @@
-"""The one error of bad input."""
+"""The error raised for bad input."""
 
 
 class InputError(Exception):

@@ -1,4 +1,4 @@
-"""Files: refused unless regular and of a declared size, and written whole or not at all."""
+"""Files: read only if regular and within a size limit, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAMERA = "camera.json"  # the calibration that a folder of bags shares
 
 
 def regular_file(path, max_bytes: int | None = None) -> Path:
-    """The path of a regular file of at most ``max_bytes``; raises `InputError`.
+    """Return the path if it is that of a regular file of at most ``max_bytes``; else raise `InputError`.
 
     Devices, pipes and the system's own files are refused because reading them may never end.
     """
@@ -42,7 +42,7 @@ def regular_file(path, max_bytes: int | None = None) -> Path:
 
 
 def read_text(path, max_bytes: int) -> str:
-    """A text file of at most ``max_bytes``; raises `InputError`."""
+    """Read a text file of at most ``max_bytes``; raises `InputError`."""
     path = regular_file(path, max_bytes)
     try:
         return path.read_text(encoding="utf-8-sig")  # as Windows begins a text
@@ -55,9 +55,9 @@ def read_text(path, max_bytes: int) -> str:
 def atomic(path, keep: bool = False) -> Iterator[Path]:
     """A temporary path for a file or a folder, which becomes ``path`` when the block succeeds.
 
-    After an error what was at ``path`` is still there, and nothing remains of the new one.  Where ``path`` is
+    After an error, whatever was at ``path`` is unchanged and nothing remains of the new file.  If ``path`` is
     a link, the file that it names is replaced; a device or a pipe is written to when the block succeeds.
-    Folders above ``path`` have to be there.
+    The folder of ``path`` must exist.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def atomic(path, keep: bool = False) -> Iterator[Path]:
 
 
 def write_text(path, text: str) -> Path:
-    """Write a text file, whole or not at all, and make its folder where it is missing."""
+    """Write a text file, whole or not at all, and create its folder if it is missing; raises `InputError`."""
     path = Path(path)
     with writes(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,19 +101,19 @@ def write_text(path, text: str) -> Path:
 
 
 def check_folder_of(path) -> None:
-    """`InputError` unless the folder of an output is there."""
+    """Raise `InputError` unless the folder of an output exists."""
     path = Path(path)
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; make it first")
 
 
 def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Path:
-    """The path of an output that may be written: a new file, or with ``overwrite`` one that is no input.
+    """Return the path of an output that may be written: a new file or, with ``overwrite``, any but an input.
 
     Raises
     ------
     InputError
-        Where it cannot be written, or where something would be lost.
+        If it cannot be written, or if writing it would destroy something.
     """
     check_folder_of(path)
     path = Path(path)
@@ -121,7 +121,7 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
     if os.path.isdir(path):
         raise InputError(f"{path}: is a folder; give the name of a file")
     if not os.access(path if there else folder, os.W_OK):
-        raise InputError(f"{path}: cannot write there; choose a folder that you may write")
+        raise InputError(f"{path}: cannot write there; choose a folder in which you may write")
     if is_special(path):
         return path
     for name in (path, part_of(path)):  # links in a circle, and names that are too long
@@ -137,6 +137,6 @@ def check_output(path, inputs: Iterable = (), *, overwrite: bool = False) -> Pat
 
 
 def beside(path, name: str) -> Path | None:
-    """A file that serves a folder of bags: in a bag's folder, or in the one above."""
+    """Find a file that a folder of bags shares, in a bag's folder or the one above; None if in neither."""
     folder = Path(os.path.realpath(path)).parent
     return next((p / name for p in (folder, folder.parent) if os.path.exists(p / name)), None)

@@ -1,4 +1,4 @@
-"""Marks: what an unfinished or a kept result was made of, so that only the same work goes on with it."""
+"""Marks record what an unfinished or kept result was made from, so that only the same job continues it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAX_BYTES = 2**24
 
 
 def check_mark(path, mark, made_of: dict) -> None:
-    """`InputError` unless the file of a mark says that an unfinished output was made of the same."""
+    """Raise `InputError` unless a mark's file says that an unfinished output was made from the same."""
     try:
         before = read_json(read_text(mark, MAX_BYTES))
     except (InputError, ValueError):
@@ -25,7 +25,7 @@ def check_mark(path, mark, made_of: dict) -> None:
 
 
 def check_same(path, before, made_of: dict) -> None:
-    """`InputError` that names what differs, unless a mark's values are those of ``made_of``."""
+    """Raise an `InputError` that names what differs, unless a mark's values are those of ``made_of``."""
     now = json.loads(json.dumps(made_of))
     if not isinstance(before, dict) or before != now:
         keys = sorted(set(now) | set(before)) if isinstance(before, dict) else []

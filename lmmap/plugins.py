@@ -1,4 +1,4 @@
-"""What other packages add to lmmap: named by entry points, and imported when it is needed."""
+"""Extensions that other packages add to lmmap: named by entry points, imported when needed."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class NotInstalled(InputError):
 
 
 def entry_points(group: str) -> dict[str, str]:
-    """``module:function`` by name of each entry point of a group, among all packages that are installed."""
+    """Map each entry point's name to its ``module:function``, for a group over all installed packages."""
     return {point.name: point.value for point in sorted(metadata.entry_points(group=group))}
 
 
 def version() -> str | None:
-    """The installed version of lmmap, if it is installed."""
+    """The version of the installed lmmap, or None if it is not installed."""
     try:
         return metadata.version("lmmap")
     except metadata.PackageNotFoundError:
@@ -35,7 +35,13 @@ def version() -> str | None:
 
 @cache
 def reader(name: str) -> Any:
-    """What readers of other programs' formats do under a name, imported now; None where none has it."""
+    """Import and return the function that lmmap_readers registers under a name; None if there is none.
+
+    Raises
+    ------
+    NotInstalled
+        If a module that the function needs is missing.
+    """
     if name not in (points := entry_points(READERS)):
         return None
     module, _, function = points[name].partition(":")
@@ -46,19 +52,19 @@ def reader(name: str) -> Any:
 
 
 def needed(name: str, what: str | Path) -> Any:
-    """As `reader`, but `NotInstalled`, which says ``what`` needs it, where none has it."""
+    """As `reader`, but raise `NotInstalled`, which says that ``what`` needs it, if there is none."""
     if (found := reader(name)) is None:
         raise NotInstalled(f"{what}: needs lmmap_readers, which is not installed; pip install lmmap")
     return found
 
 
 def call(what: str, function: str, *arguments):
-    """The value of a function that is named as ``module:function``, imported now.
+    """Import the function named as ``module:function``, call it and return its value.
 
     Raises
     ------
     NotInstalled
-        Where it is another package's, and it or something that it imports is missing; ``what`` needs it.
+        If another package's function, or something that it imports, is missing; ``what`` needs it.
     """
     module, _, name = function.partition(":")
     try:
@@ -74,12 +80,12 @@ def call(what: str, function: str, *arguments):
 
 
 def first(what: str, group: str, *arguments):
-    """As `call`, of the function that a group's first entry point names."""
+    """As `call`, for the function that a group's first entry point names; `NotInstalled` if there is none."""
     for function in entry_points(group).values():
         return call(what, function, *arguments)
     raise NotInstalled(f"{what}: needs the laboratory of the book; {INSTALL}")
 
 
 def refuse(a: Namespace) -> None:
-    """What a command does whose words could not be imported."""
+    """Run in place of a command whose arguments could not be imported: raise the reason."""
     raise a.reason

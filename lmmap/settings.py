@@ -1,6 +1,6 @@
-"""Every number that the pipeline may choose: `PAPER` holds those that the paper states, `OURS` all of them.
+"""Every free parameter of the pipeline: `PAPER` holds those that the paper states, `OURS` all of them.
 
-Settings are passed as arguments.  Vary them with `dataclasses.replace`; nothing assigns into a module.
+Settings are passed as arguments.  Vary them with `dataclasses.replace`; no code modifies a module's values.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MODALITIES = ("rgb", "event")
 
 @dataclass(frozen=True)
 class PerCamera:
-    """What differs between the two cameras: ``setting[modality]``."""
+    """A setting that differs between the two cameras; read it as ``setting[modality]``."""
 
     rgb: float | tuple[float, ...]
     event: float | tuple[float, ...]
@@ -36,7 +36,7 @@ class PaperSettings:
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What the paper's procedure needs and its text leaves open."""
+    """Parameters that the paper's procedure needs but its text leaves open."""
 
     mask_threshold: float = 0.5  # of the binarisation: the middle of the sigmoid's range
     min_ring_pixels: int = 60  # gamma_S: as in our pipeline
@@ -47,7 +47,7 @@ class Assumptions:
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """What the Kalman filter assumes; all but the gate chosen by ``tuning/tune_fusion.py``."""
+    """Assumptions of the Kalman filter; ``tuning/tune_fusion.py`` chose all but the gate."""
 
     acceleration_m: float = 0.02  # square root of the acceleration's density, m / s^1.5
     acceleration_rad: float = 0.2  # rad / s^1.5
@@ -85,7 +85,7 @@ class BetweenSettings:
 
 @dataclass(frozen=True)
 class Settings(PaperSettings):
-    """The paper's numbers, and every other number that our pipeline is free to choose."""
+    """The paper's numbers, and every other free parameter of our pipeline."""
 
     weights: str = "robust"  # default set of networks; tuning/wrong_poses.py compares it with `low`
 
@@ -194,5 +194,5 @@ OURS = Settings()
 
 
 def scaled_count(size_px: tuple[int, int]) -> int:
-    """Events in a window, the paper's number kept per pixel: 35 000 at 346 x 260 px, 0.39 a pixel."""
+    """Events in a window, at the paper's number per pixel: 35 000 at 346 x 260 px, or 0.39 per pixel."""
     return max(1, round(PAPER.events_per_window * size_px[0] * size_px[1] / (346 * 260)))

@@ -1,4 +1,4 @@
-"""Where what ships with the package lies: beside it in a checkout, inside it in a wheel."""
+"""Paths of the data shipped with the package: beside it in a checkout, inside it in a wheel."""
 
 from __future__ import annotations
 

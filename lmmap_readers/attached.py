@@ -14,7 +14,7 @@ from .flips import flip_events, flip_frame
 
 
 class Attached:
-    """The first camera that dv-processing finds; ``flips`` has a flip, one of `flips.FLIPS`, by modality."""
+    """The first camera that dv-processing finds; ``flips`` maps a modality to one of `flips.FLIPS`."""
 
     def __init__(self, flips: Mapping[str, str] | None = None):
         if not dv.io.camera.discover():
@@ -28,7 +28,7 @@ class Attached:
         self._offset_us, self._flips = None, flips or {}
 
     def now_us(self) -> int:
-        """Now, in the camera's time; its clock is read off the first data."""
+        """The present time (us) on the camera's clock, which is synchronised with the first data."""
         return time.monotonic_ns() // 1000 + (self._offset_us or 0)
 
     def running(self) -> bool:

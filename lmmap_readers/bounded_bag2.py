@@ -25,7 +25,7 @@ MAX_UNPACK_RATIO = 50  # of a ROS 2 bag's file, beyond one chunk; events shrink 
 
 
 def open_bag(path: Path, typestore) -> AnyReader:
-    """A reader of a bag's folder or of one of its files, not opened yet."""
+    """Make a reader for a bag's folder or one of its files, not opened yet."""
     bag = AnyReader([path], default_typestore=typestore)
     bag.readers = [BoundedBag(path)]
     return bag
@@ -43,7 +43,7 @@ _mcap, _sqlite = _own_copy("storage_mcap"), _own_copy("storage_sqlite3")
 
 
 class BoundedMcap(_mcap.McapReader):
-    """Reads no more at once than a chunk may have, and no index that names more than its file can hold."""
+    """Reads no more at once than a chunk may hold, and refuses an index of more than its file can hold."""
 
     def open(self) -> None:
         path, self.path = self.path, BoundedPath(self.path)

@@ -37,8 +37,8 @@ COLMAP = {  # its models, and the parameters of each
 
 
 def read(text: str, path: Path, wanted: str, size_px=None, topics=()) -> dict:
-    """Fields of `Camera` of a file's text: of the camera that is wanted or, if none is, of the one with the
-    size and topic of a recording; a warning says so where that leaves a choice.  Raises ValueError."""
+    """Fields of `Camera` from a file's text: for the camera that is wanted or, if none is, for the one with
+    the size and topic of a recording; a warning says so if that leaves a choice.  Raises ValueError."""
     document = _document(text, path.suffix)
     names = {word(key) for key in document} if isinstance(document, dict) else set()
     foreign = names & {*MATRIX, "cameras"} or any(re.fullmatch(r"cam\d+", name) for name in names)
@@ -95,7 +95,7 @@ def _document(text: str, suffix: str):
 
 
 def cameras_in(document) -> dict[str, dict]:
-    """The cameras that a document describes, by name, as it has them; raises ValueError."""
+    """The cameras that a document describes, by name, in the document's own form; raises ValueError."""
     document = mapping(document, "the document")
     if "cameras" in document:  # dv-processing
         numbered = mapping(document["cameras"], "cameras")
@@ -129,7 +129,7 @@ def _colmap(model: str, size: list[str], numbers: list[str]) -> dict:
 
 
 def choose(cameras: dict[str, dict], size_px=None, topics=()) -> tuple[str, list[str]]:
-    """The camera of a recording's size and topics, and others that they fit as well."""
+    """The name of the camera that matches a recording's size and topics, and those of others that match."""
     sizes = {n: (None, stated_size(c), (region(c, size_px) or ())[2:4]) for n, c in cameras.items()}
     fitting = [n for n in cameras if size_px is None or sizes[n][1] is None or (*size_px,) in sizes[n]]
     fitting = fitting or list(cameras)

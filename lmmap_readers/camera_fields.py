@@ -1,4 +1,4 @@
-"""What other programs call a camera's values, and its lens, made fields of `Camera`."""
+"""Convert the names and values that other programs give a camera and its lens to fields of `Camera`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NAMES_A_LENS = re.compile(
 
 
 def camera_fields(camera: dict, size_px=None) -> dict:
-    """Fields of `Camera`; ``size_px`` is the recording's, for a file without it.  Raises ValueError."""
+    """Fields of `Camera`; the recording's ``size_px`` serves a file that states none.  Raises ValueError."""
     model, camera = _lens(camera), _plain(camera)
     width_px, height_px = stated_size(camera) or size_px or (None, None)
     if width_px is None:
@@ -52,8 +52,8 @@ def camera_fields(camera: dict, size_px=None) -> dict:
 
 def region(camera: dict, size_px=None) -> tuple | None:
     """The part of the sensor that images of a size show: x, y, width and height, and how many columns and
-    rows are binned to one; None where it is the whole.  A CameraInfo's numbers are those of the whole sensor,
-    also where its width and height are the region's; zeros stand for all of it.  Raises ValueError."""
+    rows are binned to one; None if it is the whole sensor.  A CameraInfo's numbers refer to the whole sensor,
+    even if its width and height are the region's; zeros stand for all of it.  Raises ValueError."""
     camera = _plain(camera)
     roi, stated = _plain(mapping(camera.get("roi") or {}, "roi")), stated_size(camera)
     keys = ("xoffset", "yoffset", "width", "height")
@@ -130,7 +130,7 @@ def _pinhole(matrix: list) -> list:
 
 
 def stated_size(camera: dict) -> tuple | None:
-    """Width and height where a camera states them."""
+    """Width and height (px) if a camera states them, else None; raises ValueError."""
     camera = _plain(camera)
     value = next((camera[key] for key in SIZE if key in camera), None)
     camera = _plain(value) if isinstance(value, dict) else camera
@@ -145,6 +145,7 @@ def stated_size(camera: dict) -> tuple | None:
 
 
 def mapping(value, name: str) -> dict:
+    """The value, if it is a dict; raises a ValueError with ``name`` otherwise."""
     if not isinstance(value, dict):
         raise ValueError(f"{name}: expected names with values, got {shown(value)}")
     return value
@@ -182,7 +183,8 @@ def _is_zero(value) -> bool:
 
 
 def number(value):
-    """Whole numbers and, as YAML reads 1e-3 for a text, texts as floats; all else as it is, to be refused."""
+    """Convert numbers and texts (YAML reads 1e-3 as a text) to floats; return all else as it is, to be
+    refused."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return value
     try:

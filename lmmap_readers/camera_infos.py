@@ -1,4 +1,4 @@
-"""Calibrations that a bag holds, as sensor_msgs/CameraInfo, and whether its images are rectified."""
+"""Calibrations stored in a bag as sensor_msgs/CameraInfo, and whether its images are rectified."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 def described(path: Path, dialect: Dialect, topics: tuple[str, ...]) -> Callable[[], dict[str, dict]]:
-    """What gives the calibrations of a bag whose ``topics`` are read; a warning where only one is
+    """A function that returns the calibrations of a bag whose ``topics`` are read; warns if only one topic is
     rectified."""
     rectified = {name for name in topics if re.search("[_/]rect", name)}
     if rectified and len(rectified) < len(topics):

@@ -1,4 +1,4 @@
-"""Whether frames and events of a recording have one clock, as far as their spans tell."""
+"""Whether frames and events of a recording share one clock, as far as their time spans tell."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Span(NamedTuple):
 
 
 def spans(stream: Stream) -> tuple[Span | None, Span | None]:
-    """Those of a stream's events and of its frames, all of which are read as far as they are sound."""
+    """Spans of a stream's events and of its frames; reads them up to the first fault."""
     events = ((int(e["t_us"][0]), int(e["t_us"][-1]), len(e)) for e in stream.chunks())
     frames = ((int(t_us), int(t_us), 1) for t_us, _ in stream.timed_frames())
     return _span(events), _span(frames)
@@ -47,8 +47,8 @@ def _span(pieces: Iterable[tuple[int, int, int]]) -> Span | None:
 
 
 def facts(events: tuple | None, frames: tuple | None) -> dict:
-    """Where events and frames lie in time, of the values of a `Span` each, and, of both, for how long they
-    overlap and what speaks against one clock."""
+    """When events and frames were recorded, given the values of a `Span` each; with both, also how long they
+    overlap and what speaks against a common clock."""
     events, frames = (span and Span(*span) for span in (events, frames))
     named = {"events_at_s": events, "frames_at_s": frames}
     ends_s = {name: [span.first_us * 1e-6, span.last_us * 1e-6] for name, span in named.items() if span}
@@ -59,15 +59,15 @@ def facts(events: tuple | None, frames: tuple | None) -> dict:
 
 
 def overlap_s(events: Span, frames: Span) -> float:
-    """For how long both cameras are on; less than zero where a gap lies between them."""
+    """How long (s) both cameras are on; negative if a gap lies between them."""
     return (min(events.last_us, frames.last_us) - max(events.first_us, frames.first_us)) * 1e-6
 
 
 def doubt(events: Span | None, frames: Span | None) -> tuple[str, bool]:
-    """What speaks against one clock, or nothing, and whether frames and events are apart altogether.
+    """What speaks against a common clock, in words or empty, and whether frames and events do not overlap.
 
-    Cameras that run together begin and end together.  Either may be switched on later, or off before; where
-    frames both begin and end later than events, or earlier, or where one camera is on alone for long, clocks
+    Cameras that run together begin and end together.  Either may be switched on later, or off earlier; but if
+    frames both begin and end later than events, or earlier, or if one camera is on alone for long, the clocks
     may differ.
     """
     if not events or not frames:
@@ -90,8 +90,8 @@ def doubt_stream(stream: Stream) -> tuple[str, bool]:
 
 
 def check_truth(stream: Stream, name: Path) -> None:
-    """`InputError` where the truth lies outside the recording's time; ``name`` is that of the file
-    which is taken as the truth."""
+    """Raise `InputError` if the truth lies outside the recording's time; ``name`` is the file that the truth
+    is from."""
     firsts = [next((int(e["t_us"][0]) for e in stream.chunks() if len(e)), None)]
     starts_us = [t for t in (*firsts, next((t for t, _ in stream.timed_frames()), None)) if t is not None]
     if not starts_us:

@@ -1,4 +1,4 @@
-"""Images of 16 bits a value, of which cameras use 10, 12, 14 or all."""
+"""Images with 16 bits per value, of which cameras use 10, 12, 14 or all."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ LOOKED_AT = 16  # images of a recording, for the bits that its values use
 
 
 def eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
-    """The same ``(t_us, image)`` with 8 bits a value.
+    """Yield the same ``(t_us, image)`` with 8 bits per value.
 
-    All values of 16 bits are scaled alike, by the least of `BITS` that hold those of the first images and of
-    the images so far.  A warning says which, unless they are all 16.
+    All values of 16 bits are scaled alike, by the least of `BITS` that holds those of the first images and of
+    the images so far.  A warning says which, unless it is 16.
     """
     bits = 0
     for t_us, image in frames():
@@ -31,14 +31,14 @@ def eight_bit(path: Path, frames: Callable[[], Iterator]) -> Iterator:
 
 
 def bits_of(image: np.ndarray) -> int:
-    """The least of `BITS` that hold an image's values; ValueError for other values than of 8 or 16 bits."""
+    """The least of `BITS` that holds an image's values; raises ValueError unless they have 8 or 16 bits."""
     if image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"an image of {image.dtype}, expected 8 or 16 bits; convert it")
     return next(bits for bits in BITS if image.max(initial=0) < 1 << bits)
 
 
 def scaled(image: np.ndarray, bits: int | None = None) -> np.ndarray:
-    """An image of 8 or 16 bits with 8 bits a value, of which ``bits`` are used (default: `bits_of` it)."""
+    """Scale an image of 8 or 16 bits, of which ``bits`` are used (default: `bits_of`), to 8 bits a value."""
     return image if image.dtype == np.uint8 else (image >> (bits or bits_of(image)) - 8).astype(np.uint8)
 
 

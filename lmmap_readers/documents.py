@@ -1,4 +1,4 @@
-"""Short flat documents in YAML and XML, as calibrations are written."""
+"""Read short, flat documents in YAML and XML, the forms of calibrations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_YAML_LETTERS = 2**17  # of which the parser takes two seconds
 
 
 def read_yaml(text: str):
-    """A short flat YAML document, without what OpenCV writes and no YAML parser knows; raises ValueError.
+    """Parse a short, flat YAML document, dropping OpenCV's tags that no YAML parser knows; raises ValueError.
 
     Aliases are refused: a few of them stand for gigabytes.
     """
@@ -44,7 +44,7 @@ def _mapping(loader, node, deep: bool = False) -> dict:
 
 
 def read_xml(text: str) -> dict:
-    """A document of OpenCV's FileStorage in XML: names with texts, lists or matrices; raises ValueError."""
+    """Parse XML of OpenCV's FileStorage: names with texts, lists or matrices; raises ValueError."""
     from xml.etree import ElementTree  # only who has one waits for it
 
     def value(element, depth: int = 0):

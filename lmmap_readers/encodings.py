@@ -1,4 +1,4 @@
-"""Images as sensor_msgs encodes them, to RGB of 8 or 16 bits."""
+"""Convert images as sensor_msgs encodes them to RGB of 8 or 16 bits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ YUV = {
 
 
 def layout(encoding: str) -> tuple[int, int, int | None]:
-    """Bits of a value, channels, and what makes them RGB; raises `Unread`."""
+    """Bits per value, number of channels, and OpenCV's code for the conversion to RGB; raises `Unread`."""
     if encoding in YUV:
         return 8, 2, YUV[encoding]
     if match := re.fullmatch(r"(8|16)UC([134])", encoding):

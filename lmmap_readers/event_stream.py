@@ -1,7 +1,7 @@
 """Event Stream files, ``.es``, version 2: events of a DVS, as published at github.com/neuromorphic-paris.
 
-An event is five bytes: the time since the last code and the polarity, then x and y.  A byte of its own stands
-for 127 us without events, and another for nothing.
+An event is five bytes: the time since the last code and the polarity, then x and y.  One single-byte code
+stands for 127 us without events, and another for nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SKIP, OVERFLOW, OVERFLOW_US = 0xFE, 0xFF, 127  # codes of one byte: nothing, and
 
 @reader("not an Event Stream of a DVS", "copy it again, or export it as AEDAT4 or CSV")
 def read(path: Path) -> Source:
-    """Events of an Event Stream, in the camera's own time; raises `InputError`."""
+    """Read the events of an Event Stream, in the camera's own time; raises `InputError`."""
     with regular_file(path).open("rb") as file:
         head = file.read(HEAD.size)
         if not head.startswith(SIGNATURE) or len(head) < HEAD.size:

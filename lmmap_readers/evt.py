@@ -1,7 +1,7 @@
-"""Words of event cameras as events: Prophesee's EVT2, EVT2.1 and EVT3, and the codecs of event_camera_msgs.
+"""Decode event cameras' words: Prophesee's EVT2, EVT2.1 and EVT3, and the codecs of event_camera_msgs.
 
 The layouts are those of Prophesee's published "encoding formats" and of the ROS package event_camera_codecs.
-A decoder is fed runs of words in the order of the stream and keeps between them what later words refer to.
+A decoder is fed runs of words in stream order and keeps the state to which later words refer.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ def _set_bits(masks: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class HighTime:
-    """High part of the time, of ``bits`` bits, that the stream repeats and that rolls over."""
+    """High part of the time, ``bits`` bits long, which the stream repeats and which rolls over."""
 
     def __init__(self, bits: int):
         self.period, self.last = 1 << bits, None
 
     def unroll(self, highs: np.ndarray) -> np.ndarray:
-        """The high parts (N,) without roll-over: a step by more than half the period is one."""
+        """The high parts (N,) without roll-over; a step of more than half the period counts as one."""
         if not len(highs):
             return highs.astype(np.int64)
         before = highs[0] if self.last is None else self.last
@@ -68,7 +68,7 @@ class Evt2:
 
 
 class Evt21(Evt2):
-    """EVT2.1: words of 64 bit, of which one half is as in EVT2, and the other tells up to 32 events of a row.
+    """EVT2.1: words of 64 bit; one half is as in EVT2, the other marks up to 32 events of a row.
 
     ``legacy``: each word's high half comes first, as the IMX636 sends it.
     """
@@ -113,7 +113,7 @@ LIBCAER_CMP = Codes16(2, 3, 4, 6, 5, 1, 0, False)
 
 
 class Evt3:
-    """EVT3, and libcaer_cmp that is built alike: words of 16 bit, several to an event."""
+    """EVT3, and libcaer_cmp, which is built alike: words of 16 bit, several per event."""
 
     encoding, word = "EVT3", np.dtype("<u2")
 
@@ -123,7 +123,7 @@ class Evt3:
         self.base = self.polarity = 0
 
     def start_at_zero(self) -> None:
-        """The next run counts its time from zero, as each packet of libcaer_cmp does."""
+        """Make the next run count its time from zero, as each packet of libcaer_cmp does."""
         self.high.last = self.low = 0
 
     def events(self, words: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Images and events of sensors that are mounted mirrored or turned, as their calibration sees them."""
+"""Flip images and events of sensors that are mounted mirrored or turned to the view of their calibration."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ FLIPS = {"x": (-1, 1), "y": (1, -1), "180": (-1, -1)}  # what columns and rows a
 
 
 def flip_frame(frame: np.ndarray, flip: str) -> np.ndarray:
-    """A frame (H, W, 3), mirrored along its rows (x), its columns (y), or both (180)."""
+    """Mirror a frame (H, W, 3) along its rows (x), its columns (y), or both (180)."""
     x, y = FLIPS[flip]
     return np.ascontiguousarray(frame[::y, ::x])
 
 
 def flip_events(events: np.ndarray, flip: str, size_px: tuple[int, int]) -> np.ndarray:
-    """Events (M,) EVENT on a sensor of (width, height), mirrored alike."""
+    """Mirror events (M,) EVENT on a sensor of (width, height) in the same way."""
     events = events.copy()
     for name, sign, size in zip("xy", FLIPS[flip], size_px, strict=True):
         if sign < 0:
@@ -28,7 +28,7 @@ def flip_events(events: np.ndarray, flip: str, size_px: tuple[int, int]) -> np.n
 
 
 def of_cameras(asked: Iterable[str]) -> dict[str, str]:
-    """The flip of each camera's images, of texts such as ``event:x``, or ``x`` for both."""
+    """The flip for each modality, from texts such as ``event:x``, or ``x`` for both; raises `InputError`."""
     flips: dict[str, str] = {}
     for text in asked:
         camera, _, flip = text.rpartition(":")

@@ -28,7 +28,7 @@ CALIBRATION = ("resolution", "intrinsics", "distortion_coeffs", "camera_model", 
 
 @hdf5_file
 def read(path: Path, time_unit: str | None = None, stream: str | None = None) -> Source:
-    """Size where the file says it (else None); raises `InputError`.
+    """Read events and images, and the sensor's size if the file states it; raises `InputError`.
 
     DSEC: ``events/{t,x,y,p}`` in microseconds after ``t_offset``; M3ED: the same in ``prophesee/left``, with
     its calibration.  MVSEC: ``davis/left/events`` with rows
@@ -106,6 +106,6 @@ def _text(group: h5py.Group, name: str) -> str:
     """The text of a data set that holds one, in this file; raises as `open_dataset`."""
     dataset = group[name]
     if not isinstance(dataset, h5py.Dataset) or not h5py.check_string_dtype(dataset.dtype) or dataset.shape:
-        raise ValueError(f"{name} is no text")
+        raise ValueError(f"{name} is not a text")
     check_place(group, dataset, name)
     return dataset.asstr()[()]

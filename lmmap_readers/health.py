@@ -15,7 +15,7 @@ MAX_SENSOR_PIXELS = 2**23  # where no calibration says the size; the largest eve
 
 
 def health(recording: Recording | Stream) -> dict:
-    """Counts, rates, gaps, faults, and a window size; of a stream that is unchecked, faults are counted.
+    """Counts, rates, gaps and a window size; for an unchecked stream, also the number of faults.
 
     ``hot_pixels`` fire at least 20 times and 5 times as often as any neighbour: edges excite
     neighbours, defects don't.  ``suggested_window`` is the paper's N per pixel on this sensor.

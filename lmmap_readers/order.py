@@ -1,7 +1,7 @@
-"""Events in the order of time.
+"""Put events in time order.
 
-Drivers now and then stamp a few events early or late, or hand packets over that overlap; those are left out
-or sorted, and counted.  A clock that was set back is an error.
+Drivers now and then stamp a few events early or late, or deliver packets that overlap; such events are sorted
+or left out, and counted.  A clock that was set back is an error.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ LAST = 100  # events out of order at the end of a chunk: more are a clock that w
 
 
 class Mender:
-    """Puts a few events of a recording in order that are out of it, or leaves them out, and counts both."""
+    """Sorts a few events of a recording that are out of order, or leaves them out, and counts both."""
 
     def __init__(self, name: str):
         self._name = name
         self._sorted = self._left_out = self._farthest_us = 0
 
     def mended(self, e: np.ndarray, last_us: int, before: int) -> np.ndarray:
-        """Events (M,) in order, behind ``before`` others up to ``last_us``; ValueError unless only a few are
-        far out of it."""
+        """Put events (M,), after ``before`` others up to ``last_us``, in order; raises ValueError unless only
+        a few are far out of order."""
         t_us = e["t_us"]
         before_us = last_us - t_us
         early_us = np.maximum(np.maximum.accumulate(t_us) - t_us, before_us)
@@ -44,7 +44,7 @@ class Mender:
         return rest[np.argsort(rest["t_us"], kind="stable")]
 
     def tell(self) -> None:
-        """A warning that counts what was sorted and left out."""
+        """Warn of the numbers of events that were sorted and left out."""
         counts = {"left out": self._left_out, "sorted": self._sorted}
         if done := " and ".join(f"{n} {what}" for what, n in counts.items() if n):
             text = f"events up to {self._farthest_us} us out of the order of time: {done}"

@@ -1,5 +1,4 @@
-"""Packets of event_camera_msgs, or of event_array_msgs as they were called before, to events; and the ROS 1
-bags that hold them."""
+"""Decode packets of event_camera_msgs, formerly event_array_msgs, and read the ROS 1 bags that hold them."""
 
 from __future__ import annotations
 
@@ -30,10 +29,10 @@ SAME_CLOCK_US = 1_000_000  # between a base and its header, both of ROS
 
 
 class Packets:
-    """Events of packets in their order, at the times of their headers.
+    """Decode the events of packets in order, at the times of their headers.
 
-    Times in a stream of the sensor are the sensor's, and bases may be: they are shifted so that the first
-    packet begins at its header's time.  Bases near it are ROS times.
+    Times in a sensor's stream are the sensor's, and time bases may be: they are shifted so that the first
+    packet begins at its header's time.  Bases near that time are ROS times and are not shifted.
     """
 
     def __init__(self):
@@ -81,7 +80,7 @@ for _name in PACKETS:
 
 
 def decoder(arrays: Callable, deserialize: Callable) -> Callable[[], Callable]:
-    """`bags.Dialect.decoder` of bags with packets beside event arrays, which ``arrays`` decodes."""
+    """`bags.Dialect.decoder` for bags with packets and event arrays, the latter decoded by ``arrays``."""
 
     def for_one_pass() -> Callable:
         packets = Packets()

@@ -27,10 +27,10 @@ MAX_LIST_BYTES = 2**26  # of an image folder's list: a million images
     (cv2.error,),
 )
 def read(path: Path, time_unit: str | None = None) -> Source:
-    """Images and ``timestamps.txt`` or ``images.txt``: a line each, ``t`` (names sorted) or ``t name``.
+    """Read images and ``timestamps.txt`` or ``images.txt``, a line each: ``t`` (names sorted) or ``t name``.
 
-    Times are seconds if any has a decimal point, else microseconds, or of the unit that is given; an
-    ``events.txt`` beside them is read too.
+    Times are in the unit that is given, else in seconds if any has a decimal point, else in microseconds; an
+    ``events.txt`` beside them is read too.  Raises `InputError`.
     """
     _check_folder(path)
     names, t = _list_pictures(path)

@@ -23,19 +23,19 @@ END_US = 2**31 * 10**6  # of ROS's times
 class PoseBag:
     """Reported poses as messages, in a file whose name ends in ``.bag`` (ROS 1) or ``.mcap`` (ROS 2).
 
-    Use it in a ``with`` block in place of a `Journal`.  Of each estimate that is ``ok``, ``/port_pose`` has
+    Use it in a ``with`` block in place of a `Journal`.  For each estimate that is ``ok``, ``/port_pose`` gets
     the pose with its covariance and ``/tf`` the transform, at the estimate's time.  A bag ends in an index,
-    so the file has its name only when the block has ended; after an error, only if there was no older one.
+    so the file gets its name only when the block ends; after an error, only if there was no older one.
 
     Parameters
     ----------
     frame_id, child_frame_id
-        Names of the camera's frame, which is what ROS calls an optical frame, and of the port's.
+        Names of the camera's frame (in ROS's terms an optical frame) and of the port's.
 
     Raises
     ------
     InputError
-        For what cannot be written, names that tf2 refuses, and times that ROS does not have.
+        If the file cannot be written, tf2 refuses a name, or ROS cannot represent a time.
     """
 
     def __init__(self, path, frame_id: str = "camera", child_frame_id: str = "port"):
@@ -50,7 +50,7 @@ class PoseBag:
         self._bag = None
 
     def has(self, *times_us: int) -> bool:
-        """Whether an estimate is there from before: never, a bag is written from its beginning."""
+        """Whether an estimate is there from an earlier run: never, because bags are always written anew."""
         return False
 
     def add(self, estimate: Estimate) -> None:
@@ -84,7 +84,7 @@ class PoseBag:
     def _write(self, e: Estimate) -> None:
         if not 0 <= e.t_us < END_US:
             raise InputError(
-                f"{self.path}: a time of {e.t_us} us, and ROS has 0 to 2^31 s; name the output .csv"
+                f"{self.path}: a time of {e.t_us} us, but ROS has 0 to 2^31 s; name the output .csv"
             )
         store = STORES[self._kind]
         serialize = store.serialize_ros1 if self._kind == ".bag" else store.serialize_cdr
@@ -100,7 +100,7 @@ class PoseBag:
 
 
 def messages(e: Estimate, types: dict, frame_id: str, child_frame_id: str) -> tuple:
-    """An estimate with a pose as the messages of `TOPICS`, made of the ``types`` of ROS 1 or 2.
+    """Convert an estimate with a pose to the messages of `TOPICS`, using the ``types`` of ROS 1 or 2.
 
     ROS wants the covariance of x, y, z and of rotations about the fixed axes X, Y, Z of the header's frame,
     the camera's: to first order, in which rotations commute, that is `Estimate.covariance`.

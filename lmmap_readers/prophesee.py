@@ -28,9 +28,9 @@ prophesee_file = reader("not a recording of Prophesee's", "copy it again, or exp
 
 @prophesee_file
 def read_raw(path: Path) -> Source:
-    """Events of a RAW file, in the camera's own time; raises `InputError`.
+    """Read the events of a RAW file, in the camera's own time; raises `InputError`.
 
-    The sensor's size is the header's, where it has one (before 2022 not all have).
+    The sensor's size is the header's, if it states one (before 2022, not all do).
     """
     fields, start = _header(path)
     details = partial(dict, encoding=_decoder(fields).encoding)
@@ -40,7 +40,7 @@ def read_raw(path: Path) -> Source:
 
 @prophesee_file
 def read_dat(path: Path) -> Source:
-    """Events of a DAT file, version 2; raises `InputError`."""
+    """Read the events of a DAT file, version 2; raises `InputError`."""
     fields, start = _header(path)
     if fields.get("version", "2") != "2":
         raise ValueError(f"DAT of version {fields['version']}, expected 2")
@@ -119,13 +119,13 @@ def _size_px(fields: dict[str, str]) -> tuple[int, int] | None:
 
 
 def hdf5_events(file: h5py.File, time_unit: str | None) -> Iterator[np.ndarray]:
-    """Arrays of events of the data set ``CD/events``; ValueError where it cannot be read."""
+    """Yield arrays of events (M,) EVENT from the data set ``CD/events``; ValueError if it cannot be read."""
     for (e,) in blocks(CHUNK, _rows(file)):
         yield event_array(microseconds(e["t"], time_unit), *(e[name] for name in "xyp"))
 
 
 def hdf5_span_us(file: h5py.File, time_unit: str | None) -> tuple[int, int] | None:
-    """Time of the first and of the last event."""
+    """Times (us) of the first and the last event; None without events."""
     rows = _rows(file)
     ends = microseconds(np.array([rows[k]["t"] for k in (0, len(rows) - 1)]), time_unit) if len(rows) else ()
     return tuple(map(int, ends)) or None

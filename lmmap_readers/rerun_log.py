@@ -29,7 +29,7 @@ def _rerun():
 
 
 class RerunLog:
-    """An ``.rrd`` file of estimates, all in the camera's frame; use it in ``with``.
+    """An ``.rrd`` file of estimates, all in the camera's frame; use it in a ``with`` block.
 
     Entities: ``camera/rgb`` and ``camera/event`` are the images, with the ring's ellipse and mask below them;
     ``camera/port`` is the pose, with the port's outline; ``camera/uncertainty`` the ellipsoid of its position
@@ -47,7 +47,7 @@ class RerunLog:
         self._outline_m = [np.vstack([line, line[:1]]) for line in (ring_m, *port.marker_corners_m())]
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
-        """Log an estimate at its time, with its image where it has one."""
+        """Log an estimate at its time, with its image if it has one."""
         self._log.set_time("time", duration=np.timedelta64(estimate.t_us, "us"))
         if image is not None:
             self._add_image(image, estimate, ring_mask)

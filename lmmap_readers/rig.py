@@ -1,4 +1,4 @@
-"""A rig's file: how camera, arm and port of a laboratory hang together, beside the bags that it serves.
+"""A rig's file: how a laboratory's camera, arm and port are connected; it lies beside the bags it applies to.
 
 A rig names an arm's two ends: the camera is fixed to ``root``, the port to ``tip``.  If the camera stands
 beside the arm, the root is the arm's base; if the camera is on the arm, the root is its effector.
@@ -27,7 +27,7 @@ MAX_NAME = 1000  # letters of a frame's name
 class Rig:
     """``T_cam_port(t) = T_cam_root T_root_tip(t + delay) T_tip_port``, and the ring's radius.
 
-    ``calibration`` says from which recordings it was calibrated, and how well.
+    ``calibration`` says from which recordings the rig was calibrated, and how accurately.
     """
 
     root: str
@@ -72,7 +72,7 @@ class Rig:
 
 
 def scale_port(port: Port, ring_radius_m: float) -> Port:
-    """The same port with a ring of another size."""
+    """Scale a port's lengths so that its ring has another radius."""
     s = ring_radius_m / port.ring_radius_m
     values = {n: v for n, v in vars(port).items() if n.endswith("_m")}
     return replace(port, **{n: tuple(s * x for x in v) if isinstance(v, tuple) else s * v
@@ -80,20 +80,20 @@ def scale_port(port: Port, ring_radius_m: float) -> Port:
 
 
 def find_rig(recording: Path | None) -> Rig | None:
-    """The rig of the folder of a bag, or of the one above; None of other recordings; raises `InputError`."""
+    """The rig in a bag's folder, or in the one above; None for other recordings; raises `InputError`."""
     path = beside(recording, RIG_FILE) if recording and recording.suffix == ".bag" else None
     return Rig.load(path) if path else None
 
 
 def frame_name(name) -> str:
-    """The name of a frame as a file has it; ValueError if it is not a name."""
+    """The name of a frame as read from a file; raises ValueError if it is not a name."""
     if not isinstance(name, str) or len(name) > MAX_NAME:
         raise ValueError(f"the name of a frame is {name!r:.40}")
     return name
 
 
 def rigid_transform(matrix) -> Pose:
-    """The pose of a 4 x 4 matrix as a file has it; ValueError if it is not a pose."""
+    """The pose of a 4 x 4 matrix as read from a file; raises ValueError if it is not a rigid transform."""
     M = np.array(matrix, float)
     if M.shape != (4, 4) or not np.all(np.abs(M) <= MAX_POSITION_M):  # NaN neither
         raise ValueError(f"its matrix is not one of 4 x 4 finite numbers up to {MAX_POSITION_M:g}")

@@ -1,7 +1,7 @@
-"""Sensors by name: what a recording's size suggests, and nominal cameras for who asks for one.
+"""Sensors by name: what a recording's size suggests, and nominal cameras on request.
 
-A size says nothing about the lens.  `nominal` is for a first look at a recording whose calibration is not
-at hand; its range is as wrong as its focal length.
+A size says nothing about the lens.  `nominal` is for a first look at a recording without a calibration; its
+ranges are as wrong as its focal length.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from lmmap.types import Camera, InputError
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor as its maker's data sheet states it: size and pitch of its pixels."""
+    """A sensor according to its maker's data sheet: number and pitch of its pixels."""
 
     maker: str
     cameras: str  # in which it is sold
@@ -36,12 +36,12 @@ ALIASES = {"evk3": "imx636", "evk3+": "imx636", "evk4": "imx636"}
 
 
 def of_size(size_px: tuple[int, int]) -> str:
-    """The cameras that have sensors of this size, or nothing."""
+    """The cameras whose sensors have this size, as a text that may be empty."""
     return "; ".join(f"{s.maker}'s {s.cameras}" for s in SENSORS.values() if s.size_px == tuple(size_px))
 
 
 def nominal(name: str, focal_mm: float) -> Camera:
-    """A sensor behind a lens without distortion, its axis through the middle; raises `InputError`."""
+    """The camera of a sensor behind a lens without distortion, centred on it; raises `InputError`."""
     key = ALIASES.get(name.lower(), name.lower())
     if key not in SENSORS or not 0.1 < focal_mm < 1000:
         known = ", ".join((*SENSORS, *ALIASES))
@@ -52,7 +52,7 @@ def nominal(name: str, focal_mm: float) -> Camera:
 
 
 def lens(text: str) -> Camera | None:
-    """The nominal camera that a text such as ``evk4:8mm`` asks for, if it does; raises `InputError`."""
+    """The nominal camera of a text such as ``evk4:8mm``; None for other texts; raises `InputError`."""
     match = re.fullmatch(r"([\w+-]+):(\d+(?:\.\d+)?) ?([a-z]*)", text)
     if match and match[3] != "mm" and match[1].lower() in SENSORS | ALIASES:
         raise InputError(f"{text}: a focal length without mm; give {match[1]}:{match[2]}mm if it has so many")

@@ -47,19 +47,20 @@ table_of_events = reader(
 
 @reader("not events as text", "expected lines 't x y p' with t in seconds, or in whole microseconds")
 def read_text(path: Path, time_unit: str | None = None) -> Source:
-    """Events of lines ``t x y p``: seconds where ``t`` has a decimal point, else microseconds."""
+    """Read events from lines ``t x y p``: in seconds if ``t`` has a decimal point, else in microseconds;
+    raises `InputError`."""
     return _read_lines(path, _text_header, time_unit)
 
 
 @table_of_events
 def read_csv(path: Path, time_unit: str | None = None) -> Source:
-    """Events of a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the sensor's size."""
+    """Read events from a CSV with a header; raises `InputError`.  ``x@1280,y@720`` state the size (px)."""
     return _read_lines(path, _header, time_unit)
 
 
 @table_of_events
 def read_npy(path: Path, time_unit: str | None = None) -> Source:
-    """Events of a structured array; raises `InputError`.  Nothing in the file is executed."""
+    """Read events from a structured array; raises `InputError`.  Nothing in the file is executed."""
     rows, _ = _npy(path)
     columns, unit, size_px = _columns(rows.dtype.names)
     unit = time_unit or unit

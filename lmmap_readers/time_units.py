@@ -1,4 +1,4 @@
-"""Units of times: what a file that names none is taken to have, and whether images can have it."""
+"""Units of times: which one is assumed if a file states none, and whether it suits images."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ IMAGE_STEP_S = 1e-4, 10.0  # between the images of a camera
 
 
 class GuessedSteps(NamedTuple):
-    """Times of images whose unit nothing states: as what they are taken, and how far most are apart."""
+    """Times of images whose unit is not stated: the unit assumed, and the typical step between them (s)."""
 
     unit: str
     step_s: float
 
     @classmethod
     def of(cls, t: np.ndarray) -> GuessedSteps | None:
-        """Of times (N,) as they are stored; None of less than two."""
+        """Make one from times (N,) as they are stored; None for fewer than two."""
         if len(t) < 2:
             return None
         step_us = np.abs(np.diff(microseconds(t, None)))
         return cls(unit_of(t), float(np.median(step_us) or np.mean(step_us)) * 1e-6)
 
     def doubt(self, _) -> str | None:
-        """Why the unit is another, in words; None where nothing speaks against it."""
+        """Why the unit is probably another, in words; None if nothing speaks against it."""
         if IMAGE_STEP_S[0] <= self.step_s < IMAGE_STEP_S[1]:
             return None
         others = likely_units(self.step_s, self.unit, *IMAGE_STEP_S)
@@ -37,19 +37,19 @@ class GuessedSteps(NamedTuple):
 
 
 def likely_units(step_s: float, own: str, least_s: float, most_s: float) -> str:
-    """The units in which steps that are ``step_s`` in their own would be likely ones, in words."""
+    """The units in which a step, ``step_s`` long in the unit ``own``, would be a likely one, in words."""
     steps_s = {unit: step_s * NANOSECONDS[unit] / NANOSECONDS[own] for unit in UNITS}
     return " or ".join(unit for unit, s in steps_s.items() if least_s <= s < most_s)
 
 
 def unit_of(t: np.ndarray) -> str:
-    """The unit of times that state none: of whole numbers us, of others s."""
+    """The unit assumed for times that state none: us for whole numbers, s for others."""
     return "s" if t.dtype.kind == "f" else "us"
 
 
 def microseconds(t: np.ndarray, unit: str | None) -> np.ndarray:
-    """Times (N,) in microseconds, of whole numbers exactly, rounded where they have more digits; ValueError
-    where they are no numbers or do not fit."""
+    """Convert times (N,) to microseconds, whole numbers exactly, and round those with more digits; raises
+    ValueError if they are not numbers or do not fit."""
     if t.dtype.kind not in "iuf":
         raise ValueError(f"times of type {t.dtype}")
     unit_ns = NANOSECONDS[unit or unit_of(t)]

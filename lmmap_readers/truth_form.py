@@ -1,4 +1,4 @@
-"""Whether a truth is written in another form than it is read: one that would remove errors throughout."""
+"""Whether a truth was written in another form than it is read in, one that would remove a constant error."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
 
 
 def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -> str | None:
-    """What form of the truth most estimates agree with, in words; None where it is the one that was read, or
-    where none is."""
+    """The form of the truth with which most estimates agree, in words; None if it is the one that was read,
+    or if there is none."""
     times_us = np.array([e.t_us for e in estimates], np.int64)
     posed = truth.covers(times_us) & np.array([e.T_cam_port is not None for e in estimates], bool)
     if np.sum(posed) < FEWEST:
@@ -72,7 +72,7 @@ def _millimetres(T: Pose) -> Pose:
 
 
 def check_step(path, step_s: float, own: str) -> None:
-    """`InputError`, or a warning, where a truth's poses are so far apart that its times have another unit."""
+    """Raise `InputError`, or warn, if a truth's poses are so far apart that its times have another unit."""
     least_s, most_s = LIKELY_STEP_S
     if least_s <= step_s < most_s:
         return
@@ -81,4 +81,4 @@ def check_step(path, step_s: float, own: str) -> None:
     remedy = f"if they are in {likely or 'another unit'}, write them in {own}"
     if not least_s <= step_s < MAX_STEP_S:
         raise InputError(f"{path}: {found}; {remedy}")
-    warnings.warn(f"{path}: {found}, and lines between them; {remedy}", stacklevel=3)
+    warnings.warn(f"{path}: {found}, interpolated between them; {remedy}", stacklevel=3)

@@ -16,8 +16,8 @@ RUN, PIECES = 20_000, 20  # events of a file's ends; how many pieces of each are
 
 
 class Guessed(NamedTuple):
-    """Times whose unit nothing states: as what they are taken, how many events pieces of the file have (K,),
-    how long (us) these take (K,), and whether all times are whole thousands."""
+    """Times whose unit is not stated: the unit assumed, the number of events (K,) and the duration (us, K) of
+    pieces of the file, and whether all times are multiples of 1000."""
 
     unit: str
     counts: np.ndarray
@@ -26,7 +26,7 @@ class Guessed(NamedTuple):
 
     @classmethod
     def of(cls, *runs: np.ndarray) -> Guessed | None:
-        """Of runs (N,) of a file's times as they are stored; None of too few to judge by."""
+        """Make one from runs (N,) of a file's times as they are stored; None if too few to judge by."""
         runs = [run for run in runs if len(run) >= FEWEST]
         ends = [np.linspace(0, len(run) - 1, min(len(run) // FEWEST, PIECES) + 1).astype(int) for run in runs]
         edges_us = [microseconds(run[end], None) for run, end in zip(runs, ends, strict=True)]
@@ -40,7 +40,7 @@ class Guessed(NamedTuple):
         return cls(unit_of(runs[0]), counts, np.maximum(spans_us, 0), bool(thousands))
 
     def doubt(self, size_px: tuple[int, int] | None) -> str | None:
-        """Why the unit is another, in words; None where nothing speaks against it."""
+        """Why the unit is probably another, in words; None if nothing speaks against it."""
         typical_hz = float(np.median(self.counts / np.maximum(self.spans_us, 1))) * 1e6  # whatever a jump
         mean_hz = 1e6 * float(self.counts.sum() / max(self.spans_us.sum(), 1))
         loudest_hz = LOUDEST_HZ * (size_px[0] * size_px[1] if size_px else 10**6)

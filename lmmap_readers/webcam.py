@@ -20,9 +20,9 @@ FIRST_IMAGE_S, SILENCE_S = 10.0, 60.0  # patience with a camera that sends nothi
 
 
 class Webcam:
-    """A thread takes each image as it comes, so that none waits in the driver; the newest is kept.
+    """A camera whose images a thread takes as they arrive, so that none waits in the driver.
 
-    An image's time is that of its arrival on this computer's monotonic clock.
+    The newest image is kept.  An image's time is that of its arrival on this computer's monotonic clock.
     """
 
     def __init__(self, name: str, flips: Mapping[str, str] | None = None):
@@ -59,7 +59,8 @@ class Webcam:
         return not self._over or bool(self._times_us)
 
     def pending(self, modality: str) -> list:
-        """The times of all images since the last call, each with the newest of them."""
+        """The times (us) of all images since the last call, each with the newest image (H, W, 3); raises
+        `InputError`."""
         if modality != "rgb":
             raise InputError(f"{self._name}: is no event camera; give --modality rgb")
         with self._lock:
@@ -85,7 +86,7 @@ def _why_not(name: str) -> str:
 
 
 def assumed(size_px: tuple[int, int], name) -> Camera:
-    """A camera of which nothing but the images' size is known, and a warning of what that means."""
+    """Assume a camera of which only the images' size is known, and warn of what that means."""
     width, height = size_px
     f_px = max(size_px) / 2 / math.tan(math.radians(ASSUMED_VIEW_DEG / 2))
     view = f"{ASSUMED_VIEW_DEG:.0f} degrees of horizontal view, f = {f_px:.0f} px"

@@ -1,1 +1,1 @@
-"""The ``lmmap`` command: `main` has its words; the others do the work."""
+"""The ``lmmap`` command: `main` runs it, `arguments` defines its options, and the others do the work."""

@@ -1,4 +1,4 @@
-"""The words of the ``lmmap`` command: what each subcommand takes, and which function does its work.
+"""The arguments of the ``lmmap`` command: what each subcommand takes, and which function does its work.
 
 Functions are named here, not imported, so that ``--help`` answers at once.
 """
@@ -52,7 +52,7 @@ def parser(complete_files=None) -> argparse.ArgumentParser:
     Parameters
     ----------
     complete_files
-        shtab's word for arguments that are files, where a completion script is made.
+        shtab's marker for arguments that are files, when a completion script is made.
     """
     commands = Commands(complete_files)
     for add in (_estimate, _draw, _evaluate, _info, _live, _completion):
@@ -79,7 +79,7 @@ def _estimate(commands: Commands) -> None:
         "--track", action="store_true", help="search only where earlier images predict the port"
     )
     _add_between(command, "with --track")
-    text = "let the networks learn the place from this many seconds of the recording; needs the laboratory"
+    text = "adapt the networks to this many seconds of the recording; needs the laboratory"
     command.add_argument("--adapt", type=float, metavar="SECONDS", help=text)
     text = "continue an interrupted --output; OUTPUT.made-of beside it records how it was made"
     command.add_argument("--resume", action="store_true", help=text)
@@ -146,7 +146,7 @@ def _add_frames(command) -> None:
 
 
 def _add_between(command, when: str) -> None:
-    text = f"{when}: between images, also follow the port by its events, with this many poses per second"
+    text = f"{when}: between images, also track the port by its events, with this many poses per second"
     command.add_argument("--between", type=float, metavar="HZ", help=text)
 
 

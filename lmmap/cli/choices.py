@@ -1,7 +1,7 @@
-"""What the command line offers to choose from.
+"""The choices that the command line offers.
 
-The modules that own these names take seconds to import, and ``--help`` is to answer at once; tests compare
-them.
+The modules that define these names take seconds to import, but ``--help`` must answer at once; tests compare
+the two.
 """
 
 import re
@@ -18,12 +18,12 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 
 def camera_or_file(text: str) -> str | Path:
-    """The name of a camera that OpenCV opens, a text, or the path of a recording."""
+    """Parse the name of a camera that OpenCV opens (a str) or the path of a recording (a Path)."""
     return text if re.fullmatch(r"\d+|/dev/video\d+|\w+://.+", text) else Path(text)
 
 
 def present_set(name: str) -> str:
-    """The name of a set of networks; with a warning for a former one."""
+    """The present name of a set of networks; warns of a former one."""
     if name in FORMER:
         warnings.warn(f"the networks {name!r} are now called {FORMER[name]!r}", stacklevel=2)
     return FORMER.get(name, name)

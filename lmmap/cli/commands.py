@@ -1,4 +1,4 @@
-"""The parser of the ``lmmap`` command, as it grows by one subcommand after another."""
+"""The parser of the ``lmmap`` command, to which subcommands are added one by one."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class _Renamed(_Once):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that takes each option once and no empty value; a mistake is one line."""
+    """A parser that accepts each option once and no empty value, and reports a mistake in one line."""
 
     heading = ""  # under which help lists it
 
@@ -87,7 +87,7 @@ class _Listing(argparse.RawDescriptionHelpFormatter):
 
 
 class Commands:
-    """The parser of the command line, as it grows by one subcommand after another."""
+    """The parser of the command line, to which subcommands are added one by one."""
 
     def __init__(self, complete_files=None):
         self.complete_files, self._heading = complete_files, OWN
@@ -104,7 +104,7 @@ class Commands:
         self._commands = self.parser.add_subparsers(required=True, **named)
 
     def add(self, name: str, run: str, text: str, examples: str = "", **options) -> argparse.ArgumentParser:
-        """A subcommand whose work is done by ``run``, a function named as ``module:function``."""
+        """Add a subcommand whose work is done by ``run``, a function named as ``module:function``."""
         description = text[0].upper() + text[1:]
         form = argparse.RawDescriptionHelpFormatter
         command = self._commands.add_parser(
@@ -115,8 +115,8 @@ class Commands:
         return command
 
     def add_installed(self) -> None:
-        """Add other packages' subcommands, unless one of ours has that name; what cannot be imported says so
-        when it is run."""
+        """Add other packages' subcommands, unless one of ours has that name; a subcommand that cannot be
+        imported says so when it is run."""
         self._heading = OTHERS
         for name, add in plugins.entry_points(plugins.COMMANDS).items():
             if name in self._commands.choices:
@@ -130,19 +130,20 @@ class Commands:
                 command.set_defaults(reason=reason)
 
     def add_file(self, command, *names: str, **options) -> None:
-        """An argument that is a file's name, which the shell can complete."""
+        """Add an argument that is a file's name, which the shell can complete."""
         action = command.add_argument(*names, **({"metavar": "FILE", "type": Path} | options))
         if self.complete_files is not None:
             action.complete = self.complete_files
 
     def add_networks(self, command, text: str) -> None:
-        """An argument that names a shipped set of networks."""
+        """Add an option that names a shipped set of networks."""
         options = {"type": present_set, "choices": SETS}
         command.add_argument("--networks", help=text, **options)
         hidden = {"action": _Renamed, "dest": "networks", "help": argparse.SUPPRESS}
         command.add_argument("--domain-gap", **hidden, **options)
 
     def add_output(self, command, text: str, **options) -> None:
+        """Add the options ``--output`` and ``--overwrite``."""
         self.add_file(command, "-o", "--output", help=text, **options)
         command.add_argument("--overwrite", action="store_true", help="replace an existing output")
 

@@ -8,5 +8,5 @@ from .arguments import parser
 
 
 def completion(a: Namespace) -> None:
-    """The completion script of a shell."""
+    """Print the completion script for a shell."""
     print(shtab.complete(parser(shtab.FILE), a.shell))

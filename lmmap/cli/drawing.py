@@ -1,4 +1,4 @@
-"""``lmmap draw``: estimates from a file, drawn on the images that they were made of."""
+"""``lmmap draw``: estimates from a file, drawn on the images that they were made from."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .progress import Bar
 
 
 def draw(a: Namespace) -> None:
-    """A video of the estimates, or a file for Rerun, each on the frame or histogram of its time."""
+    """Draw each estimate on the frame or histogram of its time, in a video or in a file for Rerun."""
     check_output(a.output, [*input_files(a), a.poses], overwrite=a.overwrite)
     estimates = {e.t_us: e for e in read_estimates(a.poses)}
     stream = open_input(a)

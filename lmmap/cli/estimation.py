@@ -1,4 +1,4 @@
-"""``lmmap estimate``: poses of a recording, on disk as they come."""
+"""``lmmap estimate``: poses of a recording, written to disk one by one."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .progress import Bar, summary
 
 
 def estimate(a: Namespace) -> None:
-    """Poses of a recording: of each image of one camera, of both fused, or of a track."""
+    """Estimate the poses of a recording: of each image of one camera, of both fused, or of a track."""
     bag = _check(a)
     stream = open_input(a)
     weights = network_set(a) if a.adapt is None else plugins.first("--adapt", plugins.NETWORKS, a)

@@ -1,4 +1,4 @@
-"""``lmmap evaluate``: errors and detection rates of one recording, as the paper's table has them."""
+"""``lmmap evaluate``: errors and detection rates of one recording, as in the paper's table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .progress import Bar
 
 
 def evaluate(a: Namespace) -> None:
-    """Print the errors of each camera and of both."""
+    """Print the errors of each camera and of both fused."""
     if a.as_printed and a.modality == "fused":
         raise InputError("--as-printed: the paper fuses nothing; give --modality rgb or event")
     stream = open_input(a)
@@ -59,8 +59,8 @@ def _truth(a: Namespace, stream: Stream) -> Trajectory:
             return plugins.first("evaluate", plugins.TRUTHS, a.recording, rig)
     name, also = f"{a.recording.stem}.truth.csv", ""
     if a.recording.suffix == ".bag":
-        also = f"; or from its arm, with lmmap calibrate ({plugins.INSTALL})"
-    raise InputError(f"{a.recording}: no ground truth beside it; name it by --truth, or as {name}{also}")
+        also = f", or derive it from the arm with lmmap calibrate ({plugins.INSTALL})"
+    raise InputError(f"{a.recording}: no ground truth beside it; give --truth, or name the file {name}{also}")
 
 
 def _estimates(stream: Stream, estimator, rate_hz: float | None) -> list[Estimate]:
@@ -75,7 +75,7 @@ def _error_tables(a: Namespace, stream: Stream, estimates: dict, port: Port) -> 
     tables = {m: error_table.errors(stream, estimates.get(m, []), port) for m in asked}
     tables = {m: table for m, table in tables.items() if len(table)}
     if not tables:
-        remedy = "try the other" if a.modality else "give a truth of the recording's own times"
+        remedy = "try the other modality" if a.modality else "give a truth in the recording's own time"
         raise InputError(f"{a.recording}: holds no {data} that its truth covers; {remedy}")
     seen = max(tables, key=lambda m: tables[m].position_error_m.count())
     other_form = plugins.reader("truth_form")

@@ -22,9 +22,9 @@ UNKNOWN = {
 
 
 def info(a: Namespace) -> None:
-    """What is in a recording, and its health; faults are counted here and errors elsewhere.
+    """Print what a recording holds, and its health; faults, which are errors elsewhere, are counted here.
 
-    It needs no calibration: without one, only the lens is unknown.
+    No calibration is needed: without one, only the lens is unknown.
     """
     stream = open_input(a, checked=False)
     facts = {"format": format_name(a.recording), "sensor": None} | stream.source.details()

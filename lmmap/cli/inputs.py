@@ -1,4 +1,4 @@
-"""What the command line names: recordings, cameras, ports, rigs and estimators."""
+"""Recordings, cameras, ports, rigs and estimators, as the command line names them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .choices import DEFAULT_WEIGHTS, PAPER_WEIGHTS, POSE_BAGS
 
 
 def open_input(a: Namespace, **options) -> Stream:
-    """The recording of the command line."""
+    """Open the recording that the command line names; raises `InputError`."""
     stream = open_stream(a.recording, a.camera, fps=a.fps, **as_read(a), **options)
     return replace(stream, flips=flips_of(a))
 
@@ -33,25 +33,25 @@ def flips_of(a: Namespace) -> dict[str, str]:
 
 
 def leave_out(a: Namespace, why: str, *names: str) -> None:
-    """`InputError` for options that were given, and that what is asked for does not use."""
+    """Raise `InputError` if one of these options was given, although what is asked for does not use it."""
     for name in names:
         if name in getattr(a, "given", ()) or getattr(a, name) is True:
             raise InputError(f"{why}; leave --{name.replace('_', '-')} out")
 
 
 def as_read(a: Namespace) -> dict:
-    """What else the command line says of how a recording is read: only what it says."""
+    """The command line's further options for reading a recording, those that were given only."""
     named = {name: getattr(a, name, None) for name in ("time_unit", "stream")}
     return {name: value for name, value in named.items() if value is not None}
 
 
 def read_from(a: Namespace) -> Path | None:
-    """The recording that is named; None where a camera is, or where a command takes none."""
+    """The recording that is named; None if a camera is named, or the command takes no recording."""
     return named if isinstance(named := getattr(a, "recording", None), Path) else None
 
 
 def made_of(a: Namespace, camera: Camera, port: Port, **more) -> dict:
-    """What estimates and drawings of a recording depend on, beside ``more``."""
+    """What estimates and drawings of a recording depend on, in addition to ``more``."""
     flip = {"flip": a.flip} if a.flip else {}
     return {"recording": recording_mark(a.recording), "fps": a.fps, "rate": a.rate,
             "camera": asdict(camera), "port": asdict(port)} | more | as_read(a) | flip  # fmt: skip
@@ -68,7 +68,7 @@ def input_files(a: Namespace) -> list[Path]:
 
 
 def pose_bag(a: Namespace):
-    """The bag that the output's name asks for; None where it asks for a table."""
+    """The bag that the output's name asks for; None if it asks for a table."""
     names = "frame_id", "child_frame_id"
     if a.output.suffix.lower() in POSE_BAGS and not getattr(a, "format", None):
         named = {name: getattr(a, name) for name in names if getattr(a, name) is not None}
@@ -83,14 +83,16 @@ def table_format(a: Namespace) -> str:
 
 
 def network_set(a: Namespace) -> str:
-    """The networks that were asked for, or the default set: for the paper's own procedure the paper's."""
+    """The networks that were asked for, else the default set, or the paper's set for its own procedure."""
     default = PAPER_WEIGHTS if getattr(a, "as_printed", False) else DEFAULT_WEIGHTS
     return a.weights or a.networks or default
 
 
 def can_be_fused(stream: Stream, needed: bool) -> bool:
-    """Whether frames and events overlap, as far as readers tell that are installed; a warning where they seem
-    to have different clocks, or, if fusion is ``needed``, `InputError` where they do not overlap."""
+    """Whether frames and events overlap in time, as far as the installed readers can tell.
+
+    Warns if their clocks seem to differ; raises `InputError` if fusion is ``needed`` and they do not overlap.
+    """
     doubt = plugins.reader("one_clock")
     reason, apart = doubt(stream) if doubt else ("", False)
     text = f"{stream.source.path}: {reason}"
@@ -106,13 +108,13 @@ def can_be_fused(stream: Stream, needed: bool) -> bool:
 def make_estimator(
     a: Namespace, camera: Camera, modality: str, weights: str | Path | None = None
 ) -> Estimator | PrintedEstimator:
-    """The estimator of one camera by the command line's arguments; ``weights`` default to those."""
+    """Make one camera's estimator from the command line, which also gives the default ``weights``."""
     kind = PrintedEstimator if getattr(a, "as_printed", False) else Estimator
     return kind(camera, find_port(a), modality, weights or network_set(a), find_settings(a, camera))
 
 
 def find_settings(a: Namespace, camera: Camera) -> Settings:
-    """The settings of a camera by the command line's arguments."""
+    """The settings for a camera from the command line; raises `InputError`."""
     check_rate("--rate", getattr(a, "rate", None), "estimates")
     if a.modality == "rgb":
         leave_out(a, "--modality rgb: has no histograms", "events")
@@ -122,14 +124,14 @@ def find_settings(a: Namespace, camera: Camera) -> Settings:
 
 
 def check_between(a: Namespace) -> None:
-    """Whether poses between images can be had as often as the command line asks."""
+    """Raise `InputError` unless poses between images are possible at the rate that is asked for."""
     if a.modality == "rgb":
-        raise InputError("--between: events follow the port between images; give another --modality than rgb")
+        raise InputError("--between: events follow the port between images; give a --modality other than rgb")
     check_rate("--between", a.between, "poses")
 
 
 def check_rate(name: str, rate_hz: float | None, what: str) -> None:
-    """`InputError` for a rate beyond what the tracker can deliver."""
+    """Raise `InputError` for a rate (Hz) that the tracker cannot deliver."""
     if rate_hz is not None and not LEAST_HZ <= rate_hz < 1e4:
         raise InputError(
             f"{name} {rate_hz:g}: give a number of {what} per second between {LEAST_HZ:g} and 1e4"
@@ -137,18 +139,18 @@ def check_rate(name: str, rate_hz: float | None, what: str) -> None:
 
 
 def find_rig(a: Namespace):
-    """The rig beside the recording that is named, if there is one and its reader."""
+    """The rig beside the named recording; None if there is none, or its reader is not installed."""
     return find(read_from(a)) if (find := plugins.reader("rig")) else None
 
 
 def find_port(a: Namespace) -> Port:
-    """The port of the command line, else that of the rig beside the recording, else the LM-MAP."""
+    """The port that the command line names, else that of the rig beside the recording, else the LM-MAP."""
     known = None if a.port else find_rig(a)
     return Port.load(a.port) if a.port else known.port if known else Port.lm_map()
 
 
 def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = None) -> InputError:
-    """The error of a recording without images of a modality, of events at a rate."""
+    """The error to raise for a recording that yields no image of a modality; for events, at a rate (Hz)."""
     path, count = stream.source.path, settings.events_per_window
     if modality == "rgb":
         return InputError(f"{path}: holds no frames; try --modality event")
@@ -156,5 +158,5 @@ def no_images(stream: Stream, modality: str, settings, rate_hz: float | None = N
     if sum(n for n, *_ in runs) >= count:
         seconds = (runs[-1][2] - runs[0][1]) * 1e-6
         text = f"lasts {seconds:.3g} s, and no tick of --rate {rate_hz:g} is after {count} events"
-        return InputError(f"{path}: {text}; give a higher one, or none")
+        return InputError(f"{path}: {text}; give a higher --rate, or none")
     return InputError(f"{path}: holds fewer than {count} events; try --modality rgb, or fewer --events")

@@ -1,4 +1,4 @@
-"""``lmmap live``: poses as images come."""
+"""``lmmap live``: poses as images arrive."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .progress import in_its_colour, summary
 
 
 def live(a: Namespace) -> None:
-    """Poses as images come, and between them by events."""
+    """Estimate poses as images arrive and, between them, from events."""
     if a.between is not None:
         check_between(a)
     if a.seconds is not None and not 0 < a.seconds < 1e9:
@@ -79,7 +79,7 @@ def _open(a: Namespace) -> tuple[object, Camera, Stream | None]:
         raise InputError("live: no calibration; give the attached camera's with --camera")
     if camera.size_px != device.size_px:
         width, height = device.size_px
-        raise InputError(f"{a.camera}: for {camera.width_px} x {camera.height_px} px, but the camera has "
+        raise InputError(f"{a.camera}: is for {camera.width_px} x {camera.height_px} px, but the camera has "
                          f"{width} x {height} px; give its own calibration")  # fmt: skip
     return device, camera, None
 

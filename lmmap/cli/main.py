@@ -17,7 +17,7 @@ MAX_LETTERS = 2000  # of a message; ours have some hundred, beside the path
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Run the command and return its exit code."""
     closed = sys.stdout is None  # files that are opened next would else take its descriptor
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:

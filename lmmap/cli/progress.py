@@ -1,4 +1,4 @@
-"""What the ``lmmap`` command shows in a terminal: progress, counts, colours."""
+"""What the ``lmmap`` command shows on a terminal: progress, counts, colours."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ def add_colour(text, colour: str, file=None) -> str:
 
 
 def in_its_colour(text: str, status: str) -> str:
-    """A text in the colour of a status, as `add_colour`."""
+    """The text in the colour of a status, under the conditions of `add_colour`."""
     return add_colour(text, GREEN if status == Status.OK else RED)
 
 
 class Bar(tqdm):
-    """Progress in seconds of the recording, with its ``images`` so far and how many of them have a pose
+    """Progress in seconds of the recording, with the number of ``images`` so far and of those with a pose
     (``poses``).
 
-    It is shown on a terminal only.
+    The bar is shown on a terminal only.
     """
 
     def __init__(self, stream: Stream, modality: str):
@@ -44,7 +44,7 @@ class Bar(tqdm):
         self.images = self.poses = 0
 
     def add(self, estimate: Estimate) -> Estimate:
-        """Count an image, and advance to its time; the estimate."""
+        """Count an image, advance to its time, and return the estimate."""
         self.images += 1
         self.poses += estimate.T_cam_port is not None
         self._first_us = estimate.t_us if self._first_us is None else self._first_us
@@ -57,6 +57,6 @@ class Bar(tqdm):
 
 
 def summary(counts: Counter[str]) -> str:
-    """The number of images, and of each status among them."""
+    """The number of images, and how many of them have each status."""
     each = (in_its_colour(f"{n} {status}", status) for status, n in sorted(counts.items()))
     return f"{counts.total()} images; " + ", ".join(each)

@@ -1,1 +1,1 @@
-"""Poses drawn on the images that they were estimated from: as pictures, as a video, and for Rerun."""
+"""Poses drawn on the images that they were estimated from, as pictures or as a video."""

@@ -1,4 +1,4 @@
-"""Estimates drawn on their images: one picture, or a video to look through."""
+"""Estimates drawn on their images: as single pictures or as a video."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ def draw(
     port: Port | None = None,
     ring_mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """An estimate drawn on its image: the ellipse, the port's axes, and a line of text below; of a tracker
-    also a ring where the port was predicted.
+    """Draw an estimate on its image: the ellipse, the port's axes, and a line of text below; for a tracker's
+    estimate also a ring where the port was predicted.
 
     Parameters
     ----------
     image
         The frame (H, W, 3) u8 RGB or the histogram (H, W) that was estimated.
     estimate
-        Its estimate.  The text is its time, its status and, where it has one, its pose with its uncertainty.
+        The image's estimate.  The text gives its time, its status and, if it has a pose, the pose with its
+        uncertainty.
     camera, port
         Those of the estimator.  Default: the bench's DAVIS 346 and the LM-MAP.
     ring_mask
@@ -53,7 +54,7 @@ def draw(
     Raises
     ------
     ValueError
-        If the image's size is not the camera's.
+        If the image's size is not the camera's, or an argument has another type.
 
     Examples
     --------
@@ -95,7 +96,7 @@ def draw(
 
 
 def background(image: np.ndarray) -> np.ndarray:
-    """An image as RGB (H, W, 3) in [0, 255]: a frame as it is, a histogram in grey, its brightest clipped."""
+    """An image as RGB (H, W, 3) in [0, 255]: a frame as it is, a histogram in grey with its peaks clipped."""
     if image.ndim == 3:
         return image.astype(np.float32)
     gray = np.minimum(image / max(float(np.percentile(image, 99.5)), 1.0), 1.0) * 255
@@ -118,7 +119,8 @@ def _caption(estimate: Estimate, width: int) -> np.ndarray:
 
 
 class Overlay:
-    """A video of `draw`, one picture an image, played at the rate of the first two; use it in ``with``."""
+    """A video of `draw`'s pictures, one per image, at the rate of the first two; use it in a ``with``
+    block."""
 
     def __init__(self, path: Path, port: Port, camera: Camera):
         self.port, self.camera, self.video = port, camera, Video(path)
@@ -126,7 +128,7 @@ class Overlay:
         self._rate_hz: float | None = None
 
     def add(self, image: np.ndarray | None, estimate: Estimate, ring_mask: np.ndarray | None = None) -> None:
-        """Draw the next image of the video; an estimate between images has no image, and is skipped."""
+        """Draw the next image of the video; an estimate between images, which has no image, is skipped."""
         if image is None:
             return
         picture = draw(image, estimate, self.camera, self.port, ring_mask)

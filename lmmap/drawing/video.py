@@ -19,12 +19,12 @@ CODECS = {".mp4": "vp09", ".avi": "MJPG"}  # VP9, which browsers play; OpenCV's 
 class Video:
     """A video written frame by frame in a ``with`` block.
 
-    After an error or an interruption it holds the frames so far, unless there was an older video: that stays.
+    After an error or an interruption it holds the frames so far; an older video of that name is kept instead.
 
     Parameters
     ----------
     path
-        Its file name, ending in .mp4 or .avi.
+        The video's file name, ending in .mp4 or .avi.
 
     Raises
     ------

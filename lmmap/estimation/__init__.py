@@ -1,1 +1,1 @@
-"""From a recording, or a camera, to poses: its images in order, estimates of them, and tracks."""
+"""From a recording or a camera to poses: images in time order, their estimates, and tracks."""

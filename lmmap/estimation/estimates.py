@@ -1,4 +1,4 @@
-"""From images in order to estimates, and both cameras' estimates merged."""
+"""Estimates of images in time order, and both cameras' estimates merged."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from .images import TimedImage, timed_images
 
 
 def estimate_image(estimator: ImageEstimator, timed: TimedImage) -> tuple[np.ndarray, Estimate]:
-    """``(image, estimate)`` of a `TimedImage`: by its wider image as well where the first shows no sure pose,
-    and of the image whose pose it is."""
+    """Estimate a `TimedImage`, with its wider image as well if the first shows no sure pose; return
+    ``(image, estimate)`` with the image that the pose is from."""
     t_us, image = timed.wider or (None, None)
     estimate = estimator(timed.image, timed.t_us, **({"wider": timed.wider} if timed.wider else {}))
     return timed.image if image is None or estimate.t_us != t_us else image, estimate
 
 
 def estimate_images(timed: Iterable[TimedImage], estimator: ImageEstimator) -> Iterator[tuple]:
-    """Yield ``(image, estimate)`` for each `TimedImage`, in their order, as `each_image` does."""
+    """Yield ``(image, estimate)`` for each `TimedImage`, in order, as `each_image` does."""
     return each_image(timed, partial(estimate_image, estimator))
 
 
 def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], object]) -> Iterator:
-    """Yield a function's value of each `TimedImage`, in their order; two are worked on at a time.
+    """Yield a function's value for each `TimedImage`, in order, working on two images at a time.
 
-    On two cores that is faster than two threads on one image, because the numpy half runs on one thread.  An
-    `InputError` among the images is raised after the values of those before it.
+    On two cores this is faster than two threads on one image, because the numpy half runs on one thread.  If
+    fetching an image raises an `InputError`, the values of the images before it are yielded first.
     """
     waiting: deque[Future] = deque()
     end, timed = None, iter(timed)
@@ -61,9 +61,21 @@ def each_image(timed: Iterable[TimedImage], function: Callable[[TimedImage], obj
 def estimate(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None = None
 ) -> Iterator[Estimate]:
-    """Estimates for a whole recording, in the order of time.
+    """Yield estimates for a whole recording in time order.
 
-    A warning at the end says if in most poses the markers are not where the port has them.
+    A warning at the end says so if, in most poses, the markers are not where the port's geometry puts them.
+
+    Parameters
+    ----------
+    rate_hz
+        Estimates per second; by default one for every frame, or every N events.
+
+    Raises
+    ------
+    ValueError
+        If an argument has another type.
+    InputError
+        At the first fault in the recording.
 
     Examples
     --------
@@ -79,7 +91,7 @@ def estimate(
 def estimate_rest(
     recording: AnyRecording, estimator: ImageEstimator, rate_hz: float | None, journal: Journal | None
 ) -> Generator[tuple[np.ndarray, Estimate]]:
-    """``(image, estimate)`` of a recording's images that are not in the journal yet; `in_place`."""
+    """Yield ``(image, estimate)`` for the images that are not yet in the journal, checked by `in_place`."""
     timed = timed_images(recording, estimator.modality, estimator.settings, rate_hz)
     left = (shot for shot in timed if journal is None or not journal.has(*shot.times_us))
     return in_place(estimate_images(left, estimator), estimator.settings)
@@ -89,9 +101,9 @@ def fuse_rest(
     recording: AnyRecording, estimators: Mapping[str, ImageEstimator], rate_hz: float | None,
     journal: Journal, parts: Mapping[str, Journal], name: str,
 ) -> Generator[tuple[None, Estimate]]:  # fmt: skip
-    """``(None, estimate)`` by both cameras that are not in the journal yet.
+    """Yield ``(None, estimate)`` for the fused estimates that are not yet in the journal.
 
-    Each camera's own estimates go to its journal in ``parts``; those that are there are not made again.
+    Each camera's own estimates go to its journal in ``parts``; those already there are not computed again.
     """
 
     def own(modality: str) -> Iterator[Estimate]:
@@ -106,8 +118,8 @@ def fuse_rest(
 
 
 def in_place(answers: Iterable[tuple], settings: Settings) -> Generator[tuple]:
-    """``(image, estimate)`` as they come; a warning at the end if in most poses the markers are not where the
-    port has them."""
+    """Pass ``(image, estimate)`` on; warn at the end if, in most poses, the markers are not where the port's
+    geometry puts them."""
     off_px = []
     try:
         for image, e in answers:
@@ -116,11 +128,12 @@ def in_place(answers: Iterable[tuple], settings: Settings) -> Generator[tuple]:
             yield image, e
     finally:
         if len(off_px) >= settings.port_off_poses and np.median(off_px) > settings.port_off_px:
-            text = f"the markers lie {np.median(off_px):.1f} px from where the port has them"
-            warnings.warn(f"{text}: measure the port with lmmap calibrate --port", stacklevel=2)
+            text = f"the markers lie {np.median(off_px):.1f} px from where the port's geometry puts them"
+            warnings.warn(f"{text}; measure the port with lmmap calibrate --port", stacklevel=2)
 
 
 def merge_by_time(estimates: Mapping[str, Iterable[Estimate]]) -> Iterator[tuple[str, Estimate]]:
-    """``(modality, estimate)`` in the order of time, of modalities whose own estimates are in that order."""
+    """Merge the estimates of each modality, already in time order, into one sequence of ``(modality,
+    estimate)`` in time order."""
     named = [zip(repeat(modality), own) for modality, own in estimates.items()]
     return heapq.merge(*named, key=lambda pair: pair[1].t_us)

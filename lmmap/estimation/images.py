@@ -25,7 +25,7 @@ class TimedImage(NamedTuple):
 
     @property
     def times_us(self) -> set[int]:
-        """The times that an estimate from it can have."""
+        """The times (us) that an estimate from this image can have."""
         return {self.t_us} | ({self.wider[0]} if self.wider else set())
 
 

@@ -1,4 +1,4 @@
-"""A tracker's answers over a recording: one for each image and, by its events, at ticks between them."""
+"""A tracker's answers over a recording: one for each image and, from events, at ticks between images."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def track(
     recording: AnyRecording, estimators: Mapping[str, Estimator], rate_hz: float | None,
     between_hz: float | None, name: str,
 ) -> Generator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
-    """`track_images` of a recording by all estimators; `watched`, whose warning begins with ``name``, and
-    `in_place`."""
+    """Run `track_images` over a recording with all estimators, checked by `watched`, whose warning begins
+    with ``name``, and by `in_place`."""
     shots = [timed_images(recording, m, e.settings, rate_hz) for m, e in estimators.items()]
     timed = heapq.merge(*shots, key=lambda shot: shot.t_us)
     tracker = Tracker(*estimators.values(), events=bool(between_hz))
@@ -33,17 +33,17 @@ def track_images(
     timed: Iterable[TimedImage], tracker: Tracker, chunks: Iterable[np.ndarray] = (),
     between_hz: float | None = None,
 ) -> Iterator[tuple[np.ndarray | None, Estimate]]:  # fmt: skip
-    """``(image, answer)`` of each `TimedImage`, in the order of time, and with ``between_hz`` also
-    ``(None, answer)`` at its ticks from the first image on, by images and events until then, where there is a
-    track.
+    """Yield ``(image, answer)`` for each `TimedImage` in time order and, with ``between_hz``, also
+    ``(None, answer)`` at ticks of that rate from the first image on, from the images and events up to then,
+    while there is a track.
 
-    Of two images, the one of N events and the wider one, the image is that of the answer's time.  An image
-    whose time is not after its camera's last is passed over.
+    Of the two histograms, that of N events and the wider one, the image is the one with the answer's time.
+    An image that is not later than its camera's previous one is skipped.
 
     Parameters
     ----------
     chunks
-        The camera's events, (M,) EVENT each, in the order of time, for a tracker with ``events``.
+        The camera's events, (M,) EVENT each, in time order, for a tracker with ``events``.
     """
     events, first_us, last_us = _Events(chunks), 0, None
     for shot in _in_order(timed):

@@ -52,7 +52,7 @@ def windows_at(
         last_us = recent["t_us"][-1]
         if not dense and _images(chunk["t_us"] - first_us, rate_hz) > max(len(chunk) / 2, FEW):
             dense = True
-            text = "are about as many as the events; each shares nearly all of its events with the one before"
+            text = "are about as many as the events; each repeats nearly all of the last; lower the rate"
             warnings.warn(f"{rate_hz:g} images a second {text}", stacklevel=2)
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (window,) = windows_before(recent, [tick_us], count)
@@ -64,7 +64,7 @@ def windows_at(
             if next_us - tick_us > 1e6 * LONG_GAP_S and not warned:
                 warned = True
                 warnings.warn(f"no events for {(next_us - tick_us) * 1e-6:.0f} s after {tick_us} us; "
-                              "going on behind the gap", stacklevel=2)  # fmt: skip
+                              "continuing after the gap", stacklevel=2)  # fmt: skip
         # the next tick is not before the last event
         recent = recent[max(0, np.searchsorted(recent["t_us"], last_us) - times * count) :]
 

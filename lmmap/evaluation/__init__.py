@@ -1,2 +1,2 @@
-"""Estimates against a truth: `pose_errors` has the errors of poses, `error_table` those of a recording's
-estimates, one row each, and `cells` what the paper's table says of them."""
+"""Estimates compared with ground truth: `pose_errors` computes the errors of poses, `error_table` those of a
+recording's estimates, one row each, and `cells` their statistics in the paper's table."""

@@ -1,4 +1,4 @@
-"""What the paper's table says of errors, cell by cell: a statistic of values, one for each image."""
+"""The cells of the paper's table of errors: each is a statistic of values, one for each image."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ VARIANTS = {  # prefix of the errors' columns, column that selects poses, column
 
 
 class Cell(NamedTuple):
-    """A cell's name, its statistic as a function, and the values (N,) that it is of; an image that does not
-    count is NaN."""
+    """A cell's name, its statistic as a function, and the values (N,) that it is computed from; NaN marks an
+    image that does not count."""
 
     outlier_filter: str
     metric: str
@@ -31,25 +31,27 @@ class Cell(NamedTuple):
 
 
 def median(values: np.ndarray) -> float:
+    """Median of the finite values among (N,); NaN if there are none."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
 
 def root_mean_square(values: np.ndarray) -> float:
+    """Root mean square of the finite values among (N,); NaN if there are none."""
     known = values[np.isfinite(values)]
     each_once = np.ones(len(known))  # adds up as the bootstrap does, to the last digit
     return float(np.sqrt(each_once @ known**2 / len(known))) if len(known) else np.nan
 
 
 def percent(flags: np.ndarray) -> float:
-    """How many of the flags (N,), 1, 0 or NaN, are set, in percent of those that count."""
+    """Percentage of ones among the flags (N,) that are not NaN; NaN if there are none."""
     known = flags[np.isfinite(flags)]
     return float(100 * np.mean(known)) if len(known) else np.nan
 
 
 def cells(table: pd.DataFrame, variants: Mapping[str, tuple] = VARIANTS) -> Iterator[Cell]:
-    """Median and RMSE of each error, detection rates, and the share of wrong poses (`is_wrong`) among images
-    with the whole ring in view, by ``variants``, without and with outlier filter.
+    """Yield median and RMSE of each error, detection rates, and the percentage of wrong poses (`is_wrong`)
+    among images with the whole ring in view, for each of ``variants``, without and with outlier filter.
 
     Parameters
     ----------
@@ -74,6 +76,6 @@ def cells(table: pd.DataFrame, variants: Mapping[str, tuple] = VARIANTS) -> Iter
 
 
 def summary(table: pd.DataFrame, variants: Mapping[str, tuple] = VARIANTS) -> pd.DataFrame:
-    """``outlier_filter, metric, variant, statistic, value`` of each of `cells`."""
+    """Table of `cells` with the columns ``outlier_filter, metric, variant, statistic, value``."""
     rows = [(*cell[:4], cell.function(cell.values)) for cell in cells(table, variants)]
     return pd.DataFrame(rows, columns=[*Cell._fields[:4], "value"])

@@ -1,4 +1,4 @@
-"""Errors of a recording's estimates against its truth, one row each, and what is said of them in a line."""
+"""Errors of a recording's estimates against its truth, one row each, and a summary of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PREDICTIONS = ["position_sigma_m", "normal_sigma_deg", "nees"]
 
 
 def errors(recording: AnyRecording, estimates: list[Estimate], port: Port) -> pd.DataFrame:
-    """Errors of the estimates within the time of the recording's truth, one row each.
+    """Errors of the estimates at times that the recording's truth covers, one row each.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def is_wrong(table: pd.DataFrame, prefix: str = "", settings: Settings = OURS) -
 def report(table: pd.DataFrame, without_truth: int = 0) -> dict:
     """The numbers that `lmmap evaluate` prints, without outlier filter.
 
-    ``paper_formula`` stands for poses by the formula as it is printed in the paper.
+    ``paper_formula`` marks poses from the formula as printed in the paper.
     """
     detected = table.position_error_m.notna()
     return {
@@ -110,7 +110,7 @@ def report(table: pd.DataFrame, without_truth: int = 0) -> dict:
 
 
 def detected_in_view_percent(table: pd.DataFrame) -> float:
-    """Percent of the images of `errors` with the whole ring in view that have a pose; NaN of no image."""
+    """Percentage of the images of `errors` with the whole ring in view that have a pose; NaN if none is."""
     return _percent_true(table.position_error_m.notna()[table.in_view])
 
 

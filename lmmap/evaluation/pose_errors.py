@@ -1,4 +1,4 @@
-"""Errors of poses against true ones, and the difference between them."""
+"""Errors of poses against the true ones, and the differences between them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..types import AnyRecording, Estimate, Pose
 
 
 def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list[Estimate], Pose]:
-    """The estimates whose time the truth covers, and the true poses then."""
+    """The estimates whose times the truth covers, and the true poses (N,) at those times."""
     assert recording.truth is not None
     times_us = np.array([e.t_us for e in estimates], np.int64)
     covered = recording.truth.covers(times_us)
@@ -19,23 +19,23 @@ def true_poses(recording: AnyRecording, estimates: list[Estimate]) -> tuple[list
 
 
 def position_error_m(estimate: Pose, truth: Pose) -> np.ndarray:
-    """Distance between positions, shape (...)."""
+    """Distance between positions (m), shape (...)."""
     return np.linalg.norm(estimate.position_m - truth.position_m, axis=-1)
 
 
 def normal_error_rad(estimate: Pose, truth: Pose) -> np.ndarray:
-    """Angle between normals, shape (...)."""
+    """Angle between normals (rad), shape (...)."""
     return angle_between_rad(estimate.normal, truth.normal)
 
 
 def rotation_error_rad(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:
-    """Angle between orientations, the smallest over the port's symmetry, shape (...)."""
+    """Smallest angle between orientations (rad), modulo the port's symmetry, shape (...)."""
     return rotation_between_rad(estimate.rotation, truth.rotation, yaw_period_rad)
 
 
 def pose_difference(estimate: Pose, truth: Pose, yaw_period_rad: float) -> np.ndarray:
-    """From estimates to true poses, modulo the port's symmetry, (N, 6): position in m, and the rotation in
-    rad that is to be put on the left of the estimate's, along the camera's axes."""
+    """Differences (N, 6) from estimates to true poses, modulo the port's symmetry: position (m), and the
+    rotation vector (rad), along the camera's axes, that left-multiplies the estimate's rotation."""
     back = np.swapaxes(estimate.rotation, -1, -2)
     left = truth.rotation[:, None] @ equal_turns(yaw_period_rad) @ back[:, None]
     nearest = np.argmin(rotation_angle_rad(left), 1)

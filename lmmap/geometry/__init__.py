@@ -1,1 +1,1 @@
-"""Geometry: how cameras, circles and ellipses meet.  Read `projection`, then `conics`."""
+"""Geometry of cameras, circles and ellipses.  Read `projection`, then `conics`."""

@@ -1,4 +1,4 @@
-"""Numba's compiler; what it makes is kept for the next process where there is a folder and room for it."""
+"""Numba's compiler; its output is cached for later processes if there is a folder with room for it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numba
 
 
 def njit(**options) -> Callable:
-    """A decorator, `numba.njit` with these options.
+    """Make a decorator: `numba.njit` with these options.
 
-    Numba itself refuses to compile where no folder for what it keeps may be written (a package of another
-    user's, a home that is read-only), and fails on a full disk; here it is compiled anew in each process.
+    Numba itself refuses to compile if no cache folder is writable (another user's package, a read-only home),
+    and fails on a full disk; in these cases the function is compiled anew in each process.
     """
 
     def compiled(function):

@@ -1,4 +1,4 @@
-"""Fits of conics to points: by least squares, through five points, and of least Sampson distance.
+"""Fits of conics to points: by least squares, through five points, and by least Sampson distance.
 
 Points are (M, 2), conics coefficient vectors (..., 6).  Fits expect coordinates that `normalise` made.
 """
@@ -13,7 +13,7 @@ from .conics import monomials
 
 
 def normalise(points_px) -> tuple[np.ndarray, np.ndarray, float]:
-    """Points centred and scaled to unit spread, with the centre and scale that were taken out."""
+    """Centre points (M, 2) and scale them to unit spread; return them with the centre and scale removed."""
     centre = points_px.mean(0)
     scale = float(np.sqrt(np.mean((points_px - centre) ** 2)))
     return (points_px - centre) / (scale or 1.0), centre, scale or 1.0
@@ -26,7 +26,7 @@ def to_pixels(ellipse: Ellipse, centre_px, scale_px: float) -> Ellipse:
 
 
 def direct_fit(x) -> np.ndarray | None:
-    """Least squares under 4AC - B^2 = 1 (Halir & Flusser 1998), or None for degenerate points."""
+    """Least-squares conic (6,) under 4AC - B^2 = 1 (Halir & Flusser 1998), or None for degenerate points."""
     D1, D2 = np.split(monomials(x), 2, axis=1)
     S1, S2, S3 = D1.T @ D1, D1.T @ D2, D2.T @ D2
     if np.linalg.cond(S3) > 1e12:
@@ -39,7 +39,7 @@ def direct_fit(x) -> np.ndarray | None:
 
 
 def five_point_conics(x, samples) -> np.ndarray:
-    """Conics through the points x[samples], samples (K, 5), leaving out undetermined ones.
+    """Conics (K', 6) through the points x[samples], samples (K, 5), leaving out undetermined ones.
 
     A + C = 1 fixes the scale: no ellipse violates it and no rotation changes it.  The unknowns are
     p = A - C, B, D, E, F.
@@ -59,8 +59,8 @@ def sampson_distance(theta, x) -> np.ndarray:
 
 
 def sampson_fit(theta, x, weight, steps: int = 8) -> np.ndarray:
-    """Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance, of a conic (6,) or
-    of several (K, 6).
+    """Take Gauss-Newton steps on the sum of weight (..., M) times squared Sampson distance, for one conic
+    (6,) or several (K, 6).
 
     A step along theta changes nothing; adding theta theta' to the normal matrix holds it.
     """

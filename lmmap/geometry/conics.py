@@ -17,7 +17,7 @@ SMALLEST_PX = 1e-2  # semi-axis
 
 
 def monomials(x) -> np.ndarray:
-    """(..., 2) -> (..., 6)."""
+    """(u^2, uv, v^2, u, v, 1) of points (u, v), (..., 2) -> (..., 6)."""
     u, v = x[..., 0], x[..., 1]
     return np.stack([u * u, u * v, v * v, u, v, np.ones_like(u)], -1)
 
@@ -29,7 +29,7 @@ def conic_matrix(theta) -> np.ndarray:
 
 
 def conic_coefficients(C) -> np.ndarray:
-    """Inverse of `conic_matrix`."""
+    """Inverse of `conic_matrix`, (..., 3, 3) -> (..., 6)."""
     return C[..., [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]] * [1, 2, 1, 2, 2, 1]
 
 
@@ -42,7 +42,7 @@ def cone(C, K) -> tuple[np.ndarray, np.ndarray]:
 
 
 def conic_from_ellipse(ellipse: Ellipse) -> np.ndarray:
-    """Conic matrices of ellipses, with unit Frobenius norm and positive definite upper block."""
+    """Conic matrices (..., 3, 3) of ellipses, with unit Frobenius norm and positive definite upper block."""
     c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
     R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
     C = np.empty((*c.shape, 3, 3))
@@ -101,13 +101,13 @@ def circle_conic(T_cam_circle: Pose, radius_m, camera: Camera) -> np.ndarray:
 
 
 def circle_ellipse(T_cam_circle: Pose, radius_m, camera: Camera) -> Ellipse:
-    """Undistorted image of circles in space; NaN where it is no ellipse."""
+    """Undistorted image of circles in space; NaN if it is not an ellipse."""
     return ellipse_from_conic(circle_conic(T_cam_circle, radius_m, camera))[0]
 
 
 def is_view(ellipse: Ellipse, camera: Camera) -> bool:
-    """Whether ellipses are such that the poses of circles follow from them: finite, no needles, before the
-    camera."""
+    """Whether circles' poses can be computed from these ellipses: finite, not needle-thin, and not too far
+    from the optical axis."""
     major, minor = np.moveaxis(ellipse.semi_axes_px, -1, 0)
     reach_px = np.linalg.norm(ellipse.centre_px - camera.K[:2, 2], axis=-1) + major
     good = (minor >= np.maximum(FLATTEST * major, SMALLEST_PX)) & np.isfinite(ellipse.angle_rad)

@@ -1,4 +1,4 @@
-"""Points on a port's markers: spread over them, and on polar coordinates of their plane."""
+"""Points on a port's markers: spread over them, and on a polar grid in their plane."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ LEAST_YAW_STEP_RAD = 1e-3  # a tenth of what a yaw is known to; memory grows as 
 
 
 def reach_m(port: Port) -> float:
-    """Radius about the port's axis within which the markers lie, and a little more."""
+    """Radius (m) about the port's axis within which the markers lie, plus a small margin."""
     tangential, depth = np.array(port.marker_size_m) / 2
     return float(1.1 * np.hypot(port.marker_radius_m + depth, tangential))
 
 
 def check_yaw_step(port: Port, yaw_step_rad: float) -> None:
-    """ValueError unless a step fits the period of the port's yaw, and not too often."""
+    """Raise ValueError unless a yaw step is from `LEAST_YAW_STEP_RAD` to the period of the port's yaw."""
     check_number("yaw_step_rad", yaw_step_rad, LEAST_YAW_STEP_RAD, 1.001 * port.yaw_period_rad)
 
 
 def polar_grid(port: Port, radii_m, height_m: float, yaws: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (R, A, 3) on circles of these radii (R,) in a plane at a height, with ``yaws`` of them in a
+    """Points (R, A, 3) on circles of these radii (R,) in a plane at a height, with ``yaws`` points per yaw
     period; and their angles (A,) about the port's axis."""
     angle_rad = np.arange(yaws * port.symmetry) * (port.yaw_period_rad / yaws)
     x, y = (np.multiply.outer(radii_m, f(angle_rad)) for f in (np.cos, np.sin))
@@ -32,8 +32,8 @@ def polar_grid(port: Port, radii_m, height_m: float, yaws: int) -> tuple[np.ndar
 
 @lru_cache
 def polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
-    """Points on polar coordinates of the markers' plane (R, A, 3), over the full turn; the marker at yaw 0
-    folded over one period, (R, A / symmetry), weighted by the polar area element; the step in yaw."""
+    """Points (R, A, 3) on a polar grid in the markers' plane, over the full turn; the marker at yaw 0 folded
+    over one period, (R, A / symmetry), weighted by the polar area element; the yaw step (rad)."""
     per_period = round(port.yaw_period_rad / yaw_step_rad)
     tangential, depth = np.array(port.marker_size_m) / 2
     near, far = port.marker_radius_m - depth, port.marker_radius_m + depth
@@ -47,7 +47,7 @@ def polar_template(port: Port, yaw_step_rad: float, radial: int = 16):
 
 @lru_cache
 def template_spectrum(port: Port, yaw_step_rad: float) -> np.ndarray:
-    """The conjugate spectrum along the yaw, (R, F), of `polar_template`'s marker: its factor in a circular
+    """Conjugate spectrum (R, F) along the yaw of `polar_template`'s marker, the factor in a circular
     correlation."""
     return frozen_array(np.conj(np.fft.rfft(polar_template(port, yaw_step_rad)[1])), complex)
 

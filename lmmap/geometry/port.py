@@ -36,9 +36,9 @@ def on_plane(points_px, T_cam_port: Pose, height_m: float, camera: Camera) -> np
 
 
 def ideal_masks(T_cam_port: Pose, port: Port, camera: Camera, samples: int = 4) -> np.ndarray:
-    """Share of each pixel that ring and markers cover when nothing hides them, (2, H, W) f32.
+    """Fraction of each pixel that ring and markers cover if nothing hides them, (2, H, W) f32.
 
-    Each pixel is the mean of ``samples`` x ``samples`` lines of sight.
+    Each pixel is the mean over ``samples`` x ``samples`` lines of sight.
     """
     outline = np.concatenate([circle_points_m(port.ring_outer_radius_m), *port.marker_corners_m()])
     points = project(T_cam_port @ outline, camera)

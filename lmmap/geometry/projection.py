@@ -34,7 +34,7 @@ def project(points_m, camera: Camera) -> np.ndarray:
 
 
 def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
-    """Points (*P, 3) of bodies in poses (*B,) in pixels, (*B, *P, 2); NaN behind the camera."""
+    """Project points (*P, 3) of bodies at poses (*B,) into pixels, (*B, *P, 2); NaN behind the camera."""
     R, p = (np.array(part, order="C") for part in (T_cam_body.rotation, T_cam_body.position_m))
     points = np.array(points_m, float, order="C")
     pixels = _pixels(R.reshape(-1, 3, 3), p.reshape(-1, 3), points.reshape(-1, 3), *_lens(camera))
@@ -42,7 +42,7 @@ def project_points(T_cam_body: Pose, points_m, camera: Camera) -> np.ndarray:
 
 
 def distort(xy, camera: Camera) -> np.ndarray:
-    """The lens's distortion of normalised coordinates, (..., 2) -> (..., 2)."""
+    """Apply the lens's distortion to normalised coordinates, (..., 2) -> (..., 2)."""
     if not camera.distortion:
         return xy
     xy = np.array(xy, float, order="C")
@@ -120,7 +120,7 @@ def _undistort_equidistant(xy, k) -> np.ndarray:
 
 
 def undistort_points(points_px, camera: Camera) -> np.ndarray:
-    """Pixels that the same camera without distortion would see, (..., 2) -> (..., 2)."""
+    """Pixels as the same camera without distortion would see them, (..., 2) -> (..., 2)."""
     if not camera.distortion:
         return np.asarray(points_px, float)
     xy = bearings(points_px, camera)[..., :2]
@@ -128,7 +128,7 @@ def undistort_points(points_px, camera: Camera) -> np.ndarray:
 
 
 def distort_points(points_px, camera: Camera) -> np.ndarray:
-    """Inverse of `undistort_points`: where the camera sees them, (..., 2) -> (..., 2)."""
+    """Inverse of `undistort_points`: pixels as the camera with its lens sees them, (..., 2) -> (..., 2)."""
     if not camera.distortion:
         return np.asarray(points_px, float)
     centre, focal = [camera.cx_px, camera.cy_px], [camera.fx_px, camera.fy_px]
@@ -136,5 +136,5 @@ def distort_points(points_px, camera: Camera) -> np.ndarray:
 
 
 def rescale_px(points_px, scale: float) -> np.ndarray:
-    """Pixels of the same image resampled by ``scale``: centres stay centres."""
+    """Pixels (..., 2) in the same image resampled by ``scale``; pixel centres stay whole numbers."""
     return (np.asarray(points_px, float) + 0.5) * scale - 0.5

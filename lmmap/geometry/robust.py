@@ -1,4 +1,4 @@
-"""What outliers do not move: medians, and Tukey's weights of residuals."""
+"""Robust statistics: medians, and Tukey's weights of residuals."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def median(values) -> float:
 
 
 def tukey_cut(residuals, least_sigma: float = 1e-9) -> float:
-    """`TUKEY` standard deviations of residuals (M,) about 0, by their median size; of ``least_sigma`` at
-    least."""
+    """`TUKEY` standard deviations of residuals (M,) about 0, estimated from their median magnitude; the
+    standard deviation is at least ``least_sigma``."""
     return TUKEY * max(1.48 * median(np.abs(residuals)), least_sigma)
 
 
 def tukey_weights(residuals, cut: float) -> np.ndarray:
-    """Weights (M,) of residuals, from 1 at 0 to 0 at a cut and beyond."""
+    """Tukey's weights (M,) of residuals, from 1 at zero down to 0 at ``cut`` and beyond."""
     return np.maximum(1 - (residuals / cut) ** 2, 0) ** 2

@@ -1,4 +1,4 @@
-"""Rotations and angles between orientations, also of an object that looks alike at several yaws."""
+"""Rotations and angles between orientations, also for an object that looks the same at several yaws."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def rotation_angle_rad(rotation) -> np.ndarray:
 def single_rotation_matrix(vector) -> np.ndarray:
     """The rotation matrix (3, 3) of one rotation vector (3,), by Rodrigues' formula.
 
-    `single_rotation_vector` is the inverse.  Both take a few microseconds, for filters that turn a thousand
+    `single_rotation_vector` is the inverse.  Both take a few microseconds, for filters that rotate a thousand
     times a second.
     """
     x, y, z = (float(v) for v in vector)
@@ -57,13 +57,13 @@ def angle_between_rad(a, b) -> np.ndarray:
 
 
 def move(T: Pose, step) -> Pose:
-    """The pose a step (6,) from another: position, then rotation vector on the left."""
+    """The pose one step (6,) away: position (m), then a rotation vector (rad) that multiplies on the left."""
     return Pose(single_rotation_matrix(step[3:]) @ T.rotation, T.position_m + step[:3])
 
 
 def step_between(T: Pose, other: Pose, turns: np.ndarray | None = None) -> np.ndarray:
-    """The step (6,) by which `move` takes one pose to another, the smallest over ``turns`` (K, 3, 3) that
-    leave the object as it is (`equal_turns`)."""
+    """The step (6,) by which `move` takes one pose to another, the smallest over the ``turns`` (K, 3, 3) that
+    leave the object unchanged (`equal_turns`)."""
     if turns is None:
         turned = other.rotation @ T.rotation.T
     else:
@@ -73,7 +73,7 @@ def step_between(T: Pose, other: Pose, turns: np.ndarray | None = None) -> np.nd
 
 
 def equal_turns(yaw_period_rad: float) -> np.ndarray:
-    """Rotations about z that an object which repeats every ``yaw_period_rad`` does not show, (K, 3, 3)."""
+    """Rotations (K, 3, 3) about z that leave an object with the period ``yaw_period_rad`` unchanged."""
     return rotation_z(np.arange(round(2 * np.pi / yaw_period_rad)) * yaw_period_rad)
 
 

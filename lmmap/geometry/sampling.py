@@ -1,4 +1,4 @@
-"""Values of images between pixels."""
+"""Interpolation of images between pixels."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def sample(image, points_px) -> np.ndarray:
 
 
 def profiles(image, points_px, directions, offsets_px, camera: Camera | None = None) -> np.ndarray:
-    """Values of an image (H, W) at offsets (K,) from points (N, 2) along directions (N, 2), (N, K).
+    """Values (N, K) of an image (H, W) at offsets (K,) from points (N, 2) along directions (N, 2), in px.
 
-    Points are undistorted where a camera is given, whose distortion the image has.
+    If a camera is given, the points are undistorted, and the image has the camera's distortion.
     """
     uv = [points_px[:, i, None] + offsets_px * directions[:, i, None] for i in (0, 1)]
     grid = np.stack(uv, -1)

@@ -1,7 +1,7 @@
 """Several looks at one image: what their poses say together.
 
-Two looks are the same network's, so they err together more often than two witnesses would.  A look that
-agrees is therefore worth the power ``look_independence`` of what an independent one would be worth.
+Two looks use the same network, so their errors are correlated.  A look that agrees therefore counts for the
+power ``look_independence`` of what an independent one would.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ IN_DOUBT = (Status.UNSURE, Status.NO_MARKERS)  # a ring is seen, and no pose is 
 
 
 def in_doubt(estimate: Estimate, settings: Settings) -> bool:
-    """Whether an image shows a ring, but no pose that one look is enough for."""
+    """Whether an image shows a ring, but no pose that is sure enough after one look."""
     unsure = estimate.status == Status.OK and estimate.confidence < settings.sure_confidence
     return unsure or estimate.status in IN_DOUBT
 
 
 def needs_more_events(estimate: Estimate, settings: Settings) -> bool:
-    """Whether a histogram shows no pose, or none that one look is enough for."""
+    """Whether a histogram shows no pose, or none that is sure enough after one look."""
     return estimate.T_cam_port is None or in_doubt(estimate, settings)
 
 
@@ -39,10 +39,10 @@ def alike(a: Pose, b: Pose, port: Port, settings: Settings) -> bool:
 
 
 def joined_confidence(p: float, q: float, agree: bool, independence: float) -> float:
-    """Probability that the first of two poses is right, by their own probabilities.
+    """Probability that the first of two poses is right, given the probabilities p and q of each.
 
-    Poses that agree are wrong only if both are: ``1 - (1 - p) (1 - q)^independence``.  Of poses that do not
-    agree at most one is right, so both right is excluded: ``p (1 - q) / (1 - p q)``.
+    Poses that agree are wrong only if both are: ``1 - (1 - p) (1 - q)^independence``.  If they disagree, at
+    most one is right, which excludes that both are: ``p (1 - q) / (1 - p q)``.
     """
     if agree:
         return 1 - (1 - p) * (1 - q) ** independence
@@ -50,8 +50,8 @@ def joined_confidence(p: float, q: float, agree: bool, independence: float) -> f
 
 
 def joined(estimates: Sequence[Estimate], setup: Setup) -> Estimate:
-    """The answer of several looks at one image: the most confident pose, judged by the others, and
-    reported from the modality's ``min_confidence`` on.  Without any pose it is the first look's."""
+    """The answer of several looks at one image: the most confident pose, judged by the others, and reported
+    if it reaches the modality's ``min_confidence``.  If none has a pose, the answer is the first look's."""
     settings = setup.settings
     with_pose = [e for e in estimates if e.found is not None]
     if len(with_pose) < 2:

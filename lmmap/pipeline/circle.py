@@ -30,7 +30,7 @@ def poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
     Raises
     ------
     ValueError
-        If the radius is not positive, or an ellipse is no `is_view` of a circle.
+        If the radius is not positive, or an ellipse is not the view of a circle (`is_view`).
     """
     _check(ellipse, camera, radius_m)
     eigenvalues, E = cone(conic_from_ellipse(ellipse), camera.K)
@@ -54,8 +54,8 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
 
     Position from the bearings of the major axis' ends; normals as the cross product of the major
     axis with the minor axis in space, whose ends are the nearer solutions of
-    |d v - p|^2 = radius^2.  Where the line of sight misses that sphere (negative discriminant) the
-    discriminant is taken as zero, the point of the line nearest to p.
+    |d v - p|^2 = radius^2.  If the line of sight misses that sphere (negative discriminant), the
+    discriminant is taken as zero, which gives the point of the line nearest to p.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def paper_poses(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
 
 @checked
 def candidates(ellipse: Ellipse, camera: Camera, radius_m: float) -> Pose:
-    """Poses (4,) that a ring's ellipse leaves open, yaw apart: two exact, two by the paper's formula."""
+    """Poses (4,) that a ring's ellipse allows, up to yaw: two exact, two by the paper's formula; raises
+    ValueError as `poses`."""
     return Pose.stack([f(ellipse, camera, radius_m) for f in (poses, paper_poses)])
 
 
@@ -98,8 +99,8 @@ def printed_centre(major: ArrayLike, radius_m: float) -> np.ndarray:
 
 @checked
 def points_on_sphere(v: ArrayLike, p: ArrayLike, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where lines of sight (..., 3) enter and leave the sphere of a radius around p (..., 3); where they miss
-    it, the point of the line nearest to p."""
+    """Points (..., 3) at which lines of sight v (..., 3) enter and leave the sphere of a radius around p
+    (..., 3); if a line misses it, the point of the line nearest to p."""
     v, p = frozen_numbers("v", v, 3), frozen_numbers("p", p, 3)
     along = np.sum(v * p, -1)
     discriminant = along**2 - np.sum(p * p, -1) + radius_m**2

@@ -1,4 +1,4 @@
-"""Masks of a part of an image: the crop that a network needs for them, and two of them at once."""
+"""Masks of parts of an image: the crop that a network needs, and two masks computed at once."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ class Box(NamedTuple):
     high_px: np.ndarray
 
     def holds(self, other: Box) -> bool:
-        """Whether no part of another box is outside."""
+        """Whether another box lies entirely inside this one."""
         return bool(np.all(other.low_px >= self.low_px) and np.all(other.high_px <= self.high_px))
 
 
 def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:
-    """Rows and columns of a crop around a box, in which a network gives what it gives on the whole image.
+    """Rows and columns of a crop on which a network gives, within a box, the same mask as on the whole image.
 
-    The crop keeps to the network's ``stride_px`` and holds the inputs (``inputs_of``) of every output in the
-    box.  Of a network without these, any callable, nothing is known, and the crop is the whole image.
+    The crop is aligned to the network's ``stride_px`` and holds the inputs (``inputs_of``) of every output in
+    the box.  For a callable without these attributes, the crop is the whole image.
 
     Parameters
     ----------
     low_px, high_px : (2,)
         Lowest and highest (u, v) of the box.
     size_px : (width, height)
-        Of the image.
+        Size of the image.
     """
     size = np.asarray(size_px)
     if not hasattr(network, "inputs_of"):
@@ -56,7 +56,7 @@ def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, s
 
 
 def mask_about(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
-    """A network's mask (H, W) of an image: right within a box, and zero beyond the crop that this needs."""
+    """A network's mask (H, W) of an image: correct within a box, zero outside the crop computed for it."""
     crop = crop_bounds(low_px, high_px, image.shape[1::-1], network)
     mask = np.zeros(image.shape[:2], np.float32)
     mask[crop] = network(image[crop])
@@ -64,7 +64,7 @@ def mask_about(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
 
 
 def mask_within(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
-    """A network's mask (H, W) of an image: within a box what it is on the whole image, and zero elsewhere.
+    """A network's mask (H, W) of an image: within a box the same as on the whole image, and zero elsewhere.
 
     In float32 on one thread the values are equal bit by bit.  On more threads oneDNN adds up the second
     transposed convolution in an order that depends on the image's size, and they differ by about 1e-8.
@@ -79,8 +79,8 @@ def mask_within(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
 
 
 def at_once(*functions: Callable[[], object]) -> list:
-    """The values of two functions, which run at once on half of torch's threads each: of a small crop two
-    threads make a mask little sooner than one."""
+    """The values of two functions, run at once on half of torch's threads each, because two threads compute
+    the mask of a small crop hardly faster than one."""
     if torch.get_num_threads() < AT_ONCE:
         return [function() for function in functions]
     tasks = [_kept_workers(torch.get_num_threads(), os.getpid()).submit(function) for function in functions]

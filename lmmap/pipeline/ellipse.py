@@ -26,7 +26,7 @@ MAX_SPREADS = 1e4  # that an axis may have of its points' spread: longer, they a
 
 @checked
 def fit(points_px: ArrayLike) -> Ellipse:
-    """Ellipse of least Sampson distance to points (M, 2), M >= 5, all of them inliers.
+    """Fit the ellipse of least Sampson distance to points (M, 2), M >= 5, all of them inliers.
 
     Starts from the ellipse-specific algebraic fit (Halir & Flusser 1998).
 
@@ -52,12 +52,17 @@ def fit(points_px: ArrayLike) -> Ellipse:
 def fit_ransac(
     points_px: ArrayLike, rng: np.random.Generator, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
-    """Ellipse through most of the points (M, 2), and which points lie on it (M,) bool.
+    """Fit the ellipse through most of the points (M, 2); return it and which points lie on it (M,) bool.
 
-    All hypotheses at once: five-point conics of normalised points with A + C = 1, which no ellipse
-    violates and which rotation leaves alone; MSAC score of Sampson distances; refits of the best few
-    with all their inliers.  None, and no inliers, where no ellipse passes the gates on axis ratio,
+    All hypotheses are evaluated at once: five-point conics of normalised points with A + C = 1, which
+    no ellipse violates and no rotation changes; MSAC score of Sampson distances; refits of the best few
+    with all their inliers.  Return None, and no inliers, if no ellipse passes the gates on axis ratio,
     size and arc coverage.
+
+    Raises
+    ------
+    ValueError
+        If the points have another shape or are not finite.
     """
     points = _finite(points_px)
     nothing = None, np.zeros(len(points), bool)
@@ -91,9 +96,14 @@ def paper_ransac(
     """The paper's RANSAC as printed: H times five points, A..E of equation 1 with F = 1 in raw pixels, check
     of the axis ratio, count of inliers, refit of the best hypothesis on its inliers.
 
-    All H are worked on at once; the paper's loop gives the same.
+    All H hypotheses are evaluated at once; the paper's loop gives the same.
 
     The paper doesn't say how it measures a point's distance; here it is the Sampson distance.
+
+    Raises
+    ------
+    ValueError
+        If the points have another shape or are not finite.
     """
     points = _finite(points_px)
     nothing = None, np.zeros(len(points), bool)
@@ -117,7 +127,7 @@ def paper_ransac(
 
 @checked
 def arc_coverage(ellipse: Ellipse, points_px: ArrayLike) -> float:
-    """Share of an ellipse's contour, by `SECTORS` of equal eccentric anomaly, that has a point."""
+    """Fraction of an ellipse's contour, in `SECTORS` of equal eccentric anomaly, that has points (M, 2)."""
     c, s = np.cos(ellipse.angle_rad), np.sin(ellipse.angle_rad)
     local = (_finite(points_px) - ellipse.centre_px) @ np.array([[c, -s], [s, c]])
     anomaly = np.arctan2(local[:, 1] / ellipse.semi_axes_px[1], local[:, 0] / ellipse.semi_axes_px[0])

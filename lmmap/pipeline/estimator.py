@@ -28,17 +28,18 @@ class Estimator(ImageEstimator):
     Parameters
     ----------
     camera, port
-        Default: the bench's DAVIS 346 and the LM-MAP.  A camera may be the path of its calibration.
+        Default: the bench's DAVIS 346 and the LM-MAP.  Instead of a camera, give the path of its calibration.
     modality
         ``"rgb"``: images (H, W, 3) u8.  ``"event"``: histograms (H, W) of event counts.
     weights
-        The two mask networks: one of the shipped sets, `SETS`, a folder with files named as those of `low`,
-        or two callables ``(ring, reflectors)``, each from an image to a mask (H, W) in [0, 1].  Default: that
-        of the command, ``OURS.weights``.  With a folder of ``lmmap adapt``, the original ones answer first.
+        The two mask networks: one of the shipped sets, `SETS`, a folder with files named like those of `low`,
+        or two callables ``(ring, reflectors)``, each from an image to a mask (H, W) in [0, 1].  Default: the
+        command's, ``OURS.weights``.  With a folder of ``lmmap adapt``, the original networks answer first.
     settings
-        Default: `OURS`, its number of events kept per pixel of this camera.
+        Default: `OURS`, with the same number of events per pixel of this camera.
     precision
-        Of the shipped networks; ``"auto"`` uses bfloat16 if the processor has it, ``"float32"`` never does.
+        Precision of the networks; ``"auto"`` uses bfloat16 if the processor multiplies it faster,
+        ``"float32"`` never does.
 
     Attributes
     ----------
@@ -48,7 +49,14 @@ class Estimator(ImageEstimator):
     learned : Estimator or None
         The estimator with the networks that have learned a place.
     further : list of FurtherLook
-        How an image is looked at again (`looks`).
+        Further looks at an image without a sure pose (`looks`).
+
+    Raises
+    ------
+    ValueError
+        If an argument has another type or value.
+    InputError
+        If the networks or the calibration cannot be read.
 
     Examples
     --------
@@ -72,18 +80,23 @@ class Estimator(ImageEstimator):
 
     def __call__(self, image: np.ndarray, t_us: int = 0, near: Expected | None = None,
                  wider: tuple[int, np.ndarray] | None = None) -> Estimate:  # fmt: skip
-        """As `ImageEstimator`, and an image without a sure pose is looked at again (`looks`).
+        """Estimate the pose in one image, as `ImageEstimator`; if it is not sure, look again (`looks`).
 
         Parameters
         ----------
         near
-            Where the ring is expected, in pixels of `grid`: looked for there alone, without ``printed``.
+            Where the ring is expected, in pixels of `grid`: search only there, and leave out ``printed``.
         wider
-            Time and histogram of more events, for an image of events that shows no sure pose.
+            Time (us) and histogram (H, W) of more events, used if a histogram shows no sure pose.
+
+        Raises
+        ------
+        ValueError
+            As `ImageEstimator`.
         """
         check_time("t_us", t_us)
         if near is not None and not isinstance(near, Expected):
-            raise ValueError(f"near: expected the place that masks.Expected says, got {near!r:.40}")
+            raise ValueError(f"near: expected a masks.Expected, got {near!r:.40}")
         answer = self.in_camera(self.on_grid(self.to_grid(image), t_us, near))
         return look_again(self, answer, image, t_us, near, wider)
 

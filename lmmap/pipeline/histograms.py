@@ -16,8 +16,9 @@ from ..types import check_events, check_number, checked
 def windows(events: np.ndarray, count: int = PAPER.events_per_window) -> list[slice]:
     """Consecutive half-open windows of exactly ``count`` events.
 
-    The tail of ``len(events) % count`` events that fills no window is dropped: it is
-    ``events[count * len(windows(events, count)):]``.
+    The last ``len(events) % count`` events, which fill no window, are dropped: they are
+    ``events[count * len(windows(events, count)):]``.  Raises ValueError unless ``events`` are (M,) EVENT and
+    ``count`` is at least 1.
     """
     check_events(events)
     check_count(count)
@@ -30,12 +31,17 @@ def windows_before(
 ) -> list[slice | None]:
     """For each time, the window of the last ``count`` events strictly before it.
 
-    None where fewer than ``count`` events have come yet.  Windows overlap if the times are close.
+    None if fewer than ``count`` events have come by then.  Windows overlap if the times are close.
 
     Parameters
     ----------
     events : (M,) EVENT, sorted by ``t_us``
     t_us : (N,) int
+
+    Raises
+    ------
+    ValueError
+        If the events or times have another type, or ``count`` is below 1.
     """
     check_events(events)
     check_count(count)
@@ -47,7 +53,7 @@ def windows_before(
 
 @checked
 def histogram(x: ArrayLike, y: ArrayLike, size_px: tuple[int, int]) -> np.ndarray:
-    """Events per pixel whatever their polarity, shape (height, width), uint16 (saturating).
+    """Events per pixel, regardless of polarity, shape (height, width), uint16 (saturating).
 
     Parameters
     ----------
@@ -58,7 +64,7 @@ def histogram(x: ArrayLike, y: ArrayLike, size_px: tuple[int, int]) -> np.ndarra
     Raises
     ------
     ValueError
-        If a coordinate lies outside the image.
+        If a coordinate lies outside the image, or the shapes of x and y differ.
     """
     width, height = size_px
     x, y = np.asarray(x), np.asarray(y)
@@ -74,7 +80,7 @@ def histogram(x: ArrayLike, y: ArrayLike, size_px: tuple[int, int]) -> np.ndarra
 
 @checked
 def middle_us(events: np.ndarray) -> int:
-    """The middle of a window's span: the time of its histogram."""
+    """Midpoint (us) of the span of events (M,), the time of their histogram; ValueError if there are none."""
     if not len(check_events(events)):
         raise ValueError("events: expected at least one, got none")
     return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2
@@ -88,9 +94,11 @@ def window_histograms(
     after_us: int | None = None,
     factor: float = OURS.second_look_factor,
 ) -> list[tuple]:
-    """``(t_us, histogram)`` of the last ``count`` of a window's events and of the last ``factor`` times as
-    many, if it holds them and they lie after ``after_us``; a histogram's time is the middle of its events'
-    span."""
+    """``(t_us, histogram)`` of the last ``count`` of a window's events and, if the window holds them and its
+    time is after ``after_us``, of the last ``factor`` times as many.
+
+    A histogram's time is the midpoint of its events' span.  Raises ValueError as `windows`.
+    """
     check_events(events)
     check_count(count)
     check_number("factor", factor, 1, 1e6)
@@ -104,6 +112,6 @@ def window_histograms(
 
 
 def check_count(count: int) -> None:
-    """ValueError unless windows may have this many events."""
+    """Raise ValueError unless ``count`` is a whole number of at least 1."""
     if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
         raise ValueError(f"count: expected at least 1, and a whole number, got {count!r:.40}")

@@ -1,4 +1,4 @@
-"""What every estimator is made of: a camera, the port, and the two mask networks of a modality."""
+"""The base of every estimator: a camera, the port, and the two mask networks of a modality."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Weights = str | Path | tuple[Mask, Mask]
 
 
 def settings_for(camera: Camera, events_per_window: int | None = None) -> Settings:
-    """`OURS` with N scaled to the camera's pixels, or given."""
+    """`OURS`, with N as given or else scaled to the camera's number of pixels."""
     return replace(OURS, events_per_window=events_per_window or scaled_count(camera.size_px))
 
 
 def within_own_limit(settings: Settings, weights: str | Path, modality: str) -> Settings:
-    """Settings whose least confidence is at least that of the networks' cards."""
+    """Settings whose minimum confidence is raised to that of the networks' cards; raises `InputError`."""
     limits = settings.min_confidence
     least = max(limits[modality], own_limit(weights, modality))
     return replace(settings, min_confidence=replace(limits, **{modality: least}))
 
 
 class ImageEstimator:
-    """A camera's images, checked and resampled to the pixels that the networks know; `on_grid` is the rest.
+    """Check a camera's images and resample them to the networks' pixels; `on_grid` does the rest.
 
     Parameters
     ----------
@@ -57,28 +57,29 @@ class ImageEstimator:
 
     @property
     def setup(self) -> Setup:
-        """What the steps of the pipeline take."""
+        """What the steps of the pipeline need."""
         return Setup(self.port, self.grid, self.modality, self.settings)
 
     def __call__(self, image: np.ndarray, t_us: int = 0) -> Estimate:
-        """The estimate of one image; a failed measurement is a status, not an exception.
+        """Estimate the pose in one image; a failed measurement is a status, not an exception.
 
         Raises
         ------
         ValueError
-            If the image is not of the camera's size, or not as the modality has it: float, grey and RGBA
+            If the image is not of the camera's size or does not suit the modality: float, grey and RGBA
             images are refused.  BGR cannot be told from RGB.
         """
         check_time("t_us", t_us)
         return self.in_camera(self.on_grid(self.to_grid(image), t_us))
 
     def to_grid(self, image: np.ndarray) -> np.ndarray:
-        """An image of the camera in the pixels of `grid`; errors as in a call."""
+        """Resample an image of the camera to the pixels of `grid`; raises ValueError as a call does."""
         check_image(image, self.modality, self.camera)
         return resample(image, self.grid)
 
     def in_camera(self, estimate: Estimate) -> Estimate:
-        """An estimate of `on_grid`, its ellipse in the camera's pixels, judged by the training's rings."""
+        """Convert an estimate of `on_grid`: its ellipse to the camera's pixels, and note whether the ring is
+        of a size outside the training's."""
         if estimate.ellipse is None:
             return estimate
         outside = outside_training(estimate.ellipse, self.settings)
@@ -90,6 +91,6 @@ class ImageEstimator:
         raise NotImplementedError
 
     def ring_mask(self, image: np.ndarray) -> np.ndarray:
-        """The ring's mask (H, W) in the pixels of an image of the camera."""
+        """The ring's mask (H, W), in [0, 1], in the pixels of the camera's image; raises ValueError."""
         mask = resample(self.ring_network(self.to_grid(image)), self.camera)
         return np.clip(mask, 0, 1)

@@ -1,4 +1,4 @@
-"""What an estimator is given, checked: every message names the argument, what was expected and what came."""
+"""Checks of an estimator's inputs: every message names the argument, what was expected and what came."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ REMEDIES = {2: "repeat the grey values: np.dstack([image] * 3)", 4: "leave the f
 
 
 def check_image(image, modality: str, camera: Camera) -> None:
-    """ValueError unless the image is one of the camera's, (H, W, 3) u8 RGB or a histogram (H, W) of counts.
+    """Raise ValueError unless the image is the camera's: (H, W, 3) u8 RGB, or a histogram (H, W) of counts.
 
-    The order of the channels cannot be seen: images that OpenCV reads are BGR, and have to be turned.
+    The order of the channels cannot be checked: images that OpenCV reads are BGR and must be converted.
     """
     shape = camera.size_px[::-1]
     kinds = {"rgb": f"(H, W, 3) = {(*shape, 3)} uint8 RGB", "event": f"(H, W) = {shape} event counts"}
@@ -41,7 +41,7 @@ def check_image(image, modality: str, camera: Camera) -> None:
 
 
 def as_camera(camera: Camera | str | Path | None) -> Camera:
-    """A camera, or that of a calibration file; None is the bench's DAVIS 346."""
+    """The camera itself, or that of a calibration file; for None, the bench's DAVIS 346."""
     if camera is None:
         return Camera.davis346()
     return camera if isinstance(camera, Camera) else Camera.load(camera)

@@ -1,4 +1,4 @@
-"""The answer for an image: its pose, reported only where masks and image make it probable enough."""
+"""The answer for an image: its pose, reported only if masks and image make it probable enough."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .yaw import YawFit
 
 def judge(t_us: int, image: np.ndarray, seen: Seen, ring: Contour, fit: YawFit, refined: Refined,
           setup: Setup) -> Estimate:  # fmt: skip
-    """The estimate of a refined pose, with its confidence: ``unsure`` below that of the modality.
+    """The estimate of a refined pose with its confidence; below the modality's minimum, it is ``unsure``.
 
     Parameters
     ----------
     image
-        (H, W, 3) u8 or histogram (H, W), in which both masks were ``seen``.
+        Frame (H, W, 3) u8 or histogram (H, W) that both masks in ``seen`` are of.
     """
     estimate = Estimate(
         t_us, Status.OK, refined.T_cam_port, rival=fit.rival, ellipse=ring.ellipse,
@@ -36,7 +36,7 @@ def judge(t_us: int, image: np.ndarray, seen: Seen, ring: Contour, fit: YawFit, 
 
 
 def without_markers(t_us: int, circles: Pose, ring: Contour, marker_score: float, setup: Setup) -> Estimate:
-    """The estimate of a ring whose markers are not seen: two poses (2,) of unknown yaw."""
+    """The estimate for a ring whose markers are not seen: two poses (2,) of unknown yaw."""
     unknown_rad = setup.port.yaw_period_rad / np.sqrt(12)
     known = ring_uncertainty(circles[0], ring, unknown_rad, setup)
     return Estimate(t_us, Status.NO_MARKERS, ring=circles[0], twin=circles[1], ellipse=ring.ellipse,

@@ -29,7 +29,7 @@ CONTOUR_POINTS = 36
 def fit_local(
     points_px, mask, rng: np.random.Generator, camera: Camera, settings: Settings = OURS
 ) -> tuple[Ellipse | None, np.ndarray]:
-    """Ellipse of highest `contrast` through points of one neighbourhood, and the points on it.
+    """Fit the ellipse of highest `contrast` through points of one neighbourhood; return it and its inliers.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def fit_local(
     Returns
     -------
     ellipse, inliers
-        None, and no inliers (M,), where no ellipse passes the gates on contrast, axis ratio, size and arc
-        coverage.
+        The ellipse, or None if none passes the gates on contrast, axis ratio, size and arc coverage; and
+        which points (M,) lie on it.
     """
     points, mask = np.asarray(points_px, float).reshape(-1, 2), np.asarray(mask, np.float32)
     nothing = None, np.zeros(len(points), bool)
@@ -68,7 +68,7 @@ def fit_local(
 
 
 def neighbour_samples(points_px, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Indices (K <= count, 5) of points within one radius of the first of them.
+    """Indices (K <= count, 5) of points (M, 2) that lie within one radius of the first of the five.
 
     The radius is drawn log-uniformly from `RADIUS_PX`.  Seeds with fewer than four neighbours among `DRAWS`
     random points are left out.
@@ -84,7 +84,7 @@ def neighbour_samples(points_px, rng: np.random.Generator, count: int) -> np.nda
 
 
 def contrast(ellipse: Ellipse, mask, camera: Camera) -> np.ndarray:
-    """Mean of a mask (H, W) along undistorted ellipses (K,), less half of that inside and half of that
+    """Mean of a mask (H, W) along undistorted ellipses (K,), minus the average of its means just inside and
     outside them, in [-1, 1], shape (K,)."""
     scale = np.array([*ON, *INSIDE, *OUTSIDE])[:, None, None]
     centre = ellipse.centre_px[..., None, :]

@@ -1,10 +1,11 @@
-"""Further looks at an image that shows no sure pose, in their order:
+"""Further looks at an image that shows no sure pose, in this order:
 
-- at its half turn as well, where a ring is seen without a sure pose (``Settings.turned_look``);
-- enlarged, at a small sensor's histogram without a pose (`rescale.enlarged_cameras`);
-- by the networks that have learned a place, where those from before are not sure: so a sure pose cannot be
-  lost by learning;
-- at a histogram of more events, where N show no sure pose.
+- at the image turned by 180 degrees as well, if a ring is seen without a sure pose
+  (``Settings.turned_look``);
+- at the enlarged histogram of a small sensor, if it shows no pose (`rescale.enlarged_cameras`);
+- by the networks that have learned a place, if those from before are not sure, so that learning cannot lose
+  a sure pose;
+- at a histogram of more events, if N events show no sure pose.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from .rescale import enlarged_cameras
 
 
 class FurtherLook(NamedTuple):
-    """Who looks, after which answer, and how theirs joins it; and whether also where a ring is expected."""
+    """Who looks (``see``), after which answers (``needed``), how both answers are joined, and whether the
+    look also applies if the ring's place is ``expected``."""
 
     see: Callable[[np.ndarray, int, Expected | None], Estimate]
     needed: Callable[[Estimate, Settings], bool]
@@ -34,8 +36,8 @@ class FurtherLook(NamedTuple):
 
 
 def further_looks(estimator, learned=None) -> list[FurtherLook]:
-    """The looks that any image may need, by copies of an estimator and, if there is one, by another one whose
-    networks have learned."""
+    """The looks that any image may need: by copies of an estimator and, if there is one, by the estimator
+    whose networks have ``learned``."""
     looks, settings = [], estimator.settings
     if settings.turned_look:
         ring, reflectors = TurnedToo(estimator.ring_network), TurnedToo(estimator.reflector_network)
@@ -52,7 +54,7 @@ def further_looks(estimator, learned=None) -> list[FurtherLook]:
 
 def look_again(estimator, answer: Estimate, image: np.ndarray, t_us: int, near: Expected | None,
                wider: tuple[int, np.ndarray] | None) -> Estimate:  # fmt: skip
-    """The answer to an image after all looks that it needs, of what `Estimator` was called with."""
+    """The answer for an image after all looks that it needs; arguments as those of an `Estimator`'s call."""
     looks = estimator.further
     if wider is not None:
         wide = FurtherLook(lambda *_: estimator(wider[1], wider[0]), needs_more_events, _join(estimator))
@@ -64,16 +66,19 @@ def look_again(estimator, answer: Estimate, image: np.ndarray, t_us: int, near: 
 
 
 def one_look(estimator, **attributes):
-    """An estimator that looks once, like another one but for some attributes."""
+    """A copy of an estimator that looks only once and differs in some attributes."""
     other = copy(estimator)
     vars(other).update(attributes, further=[])
     return other
 
 
 def second_opinion(estimator, learned, first: Estimate, second: Estimate) -> Estimate:
-    """The first pose, confirmed or doubted by the second; the second pose where there is none, or where it
-    contradicts a less sure one, if the second networks' own limit allows it.  What an estimator would not
-    report contradicts nothing."""
+    """The first pose, confirmed or doubted by the second.
+
+    The second pose is taken if there is no first one, or if it contradicts a less confident first one and
+    reaches its own networks' minimum confidence.  A pose that an estimator would not report contradicts
+    nothing.
+    """
     if first.T_cam_port is None:
         return _first_with_pose(first, second)
     settings, modality = estimator.settings, estimator.modality

@@ -1,6 +1,6 @@
-"""What the networks see in an image: the ring's mask, and the reflectors' where the port can have markers.
+"""What the networks see in an image: the ring's mask, and the reflectors' mask where markers can be.
 
-Of an image whose port is expected somewhere, both networks run on crops about that place alone.
+If the port is expected somewhere in the image, both networks run only on crops around that place.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .crops import Box, at_once, mask_about, mask_within
 
 
 class Expected(NamedTuple):
-    """Where the ring is expected: its ellipse, undistorted, a box that holds all that is looked at of it, and
-    one that holds the markers."""
+    """Where the ring is expected: its undistorted ellipse, a box around the part of the mask that is used for
+    it, and a box around the markers."""
 
     ellipse: Ellipse
     ring: Box
@@ -28,8 +28,8 @@ class Expected(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """An image's ring mask and `outline.edges`, (H, W); and of one whose port was expected, the reflector
-    mask about the expected markers."""
+    """An image's ring mask and `outline.edges`, (H, W) each; if the port was expected somewhere, also the
+    reflector mask around the expected markers."""
 
     ring: np.ndarray
     edges: np.ndarray
@@ -37,7 +37,7 @@ class Seen(NamedTuple):
 
 
 def look(image: np.ndarray, ring_network, reflector_network, near: Expected | None = None) -> Seen:
-    """What is seen of the port in an image before its ring is known."""
+    """Compute what is `Seen` of the port in an image before its ring is known."""
     if near is None:
         return Seen(ring_network(image), outline.edges(image))
     ring, (reflectors, edges) = at_once(
@@ -56,8 +56,8 @@ def reflector_mask(network, image: np.ndarray, T_cam_port: Pose, port: Port, cam
 def markers_box_px(
     T_cam_port: Pose, port: Port, camera: Camera, border_px: float = OURS.marker_border_px
 ) -> Box:
-    """What the markers and the search for them reach at poses (N,), whatever the yaw, and a border around
-    that."""
+    """Box around everything that the markers and the search for them reach at poses (N,), at any yaw, plus a
+    border."""
     disc = circle_points_m(reach_m(port), 36) + np.array([0, 0, port.plate_height_m])
     seen = project_points(T_cam_port, disc, camera).reshape(-1, 2)
     seen = seen[np.isfinite(seen).all(-1)]

@@ -44,13 +44,15 @@ RECEPTIVE_RADIUS_PX = max(abs(end - at) for at in range(STRIDE_PX) for end in in
 
 
 class FilterNet(nn.Module):
-    """Logits (N, 1, H, W) of images (N, C, H, W); H and W any, edges repeated to whole strides within.
+    """Logits (N, 1, H, W) of images (N, C, H, W) of any size, padded internally to whole strides by repeating
+    their edges.
 
     Parameters
     ----------
-    channels, prior : of the images, and the share of positive pixels that an untrained network expects
+    channels : number of channels of the images
+    prior : fraction of positive pixels that an untrained network expects
     widths : channels after each convolution; the paper's are `WIDTHS`
-    depthwise : inner convolutions are of each channel alone, then across channels (Howard et al. 2017)
+    depthwise : make the inner convolutions depthwise separable (Howard et al. 2017)
     """
 
     def __init__(self, channels: int, prior: float = 0.5, widths=WIDTHS, depthwise: bool = False):
@@ -77,7 +79,7 @@ class FilterNet(nn.Module):
 
     @classmethod
     def shaped_as(cls, tensors, channels: int) -> FilterNet:
-        """An untrained network of the widths that the tensors of a state dict have."""
+        """An untrained network with the widths of the tensors in a state dict."""
         widths = [next(len(tensors[n]) for n in (f"down.{k}.1.weight", f"down.{k}.weight") if n in tensors)
                   for k in range(len(WIDTHS))]  # fmt: skip
         return cls(channels, widths=widths, depthwise="down.1.1.weight" in tensors)
@@ -96,9 +98,9 @@ class FilterNet(nn.Module):
 
 
 def up_to_one_channel(parts, weight, bias):
-    """The last transposed convolution, of the channels (N, C, H, W) of all parts together: its nine taps of
-    each pixel in one product, then sums by parity.  Equal to the general one, which is made for many channels
-    out and several times slower here.
+    """The last transposed convolution, over the channels (N, C, H, W) of all parts together: one product for
+    each pixel's nine taps, then sums by parity.  The result equals that of the general operation, which is
+    made for many output channels and is several times slower here.
 
     Along one axis ``y[2i] = w[1] x[i]`` and ``y[2i + 1] = w[2] x[i] + w[0] x[i + 1]``.
     """
@@ -114,14 +116,14 @@ def up_to_one_channel(parts, weight, bias):
 
 
 def best_precision() -> str:
-    """The environment's ``LMMAP_PRECISION``, else the faster one."""
+    """The value of the environment variable ``LMMAP_PRECISION``, else `faster_precision`."""
     return os.environ.get("LMMAP_PRECISION") or faster_precision()
 
 
 def faster_precision() -> str:
-    """``"bfloat16"`` where the processor multiplies it faster than float32.
+    """``"bfloat16"`` if the processor multiplies it faster than float32, else ``"float32"``.
 
-    That is with AMX, and with AMD's AVX-512 BF16.  Intel's without AMX took 1.2 times as long as float32.
+    It does with AMX, and with AMD's AVX-512 BF16.  Intel's without AMX took 1.2 times as long as float32.
     """
     has: dict = getattr(torch.cpu, "get_capabilities", dict)()
     intel = "intel" in str(has.get("cpu_name", "")).lower()
@@ -144,6 +146,11 @@ class MaskNetwork:
     """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
 
     ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
+
+    Raises
+    ------
+    ValueError
+        For another precision; in a call, for an image of another shape or with NaN or infinite values.
     """
 
     stride_px = STRIDE_PX  # what `crops.crop_bounds` cuts by
@@ -152,7 +159,7 @@ class MaskNetwork:
     def __init__(self, net: FilterNet, modality: str, precision: str = "auto"):
         self.modality, self.precision = modality, best_precision() if precision == "auto" else precision
         if self.precision not in PRECISIONS:
-            raise ValueError(f"MaskNetwork: precision is 'auto' or of {list(PRECISIONS)}, got {precision!r}")
+            raise ValueError(f"precision: expected 'auto' or one of {list(PRECISIONS)}, got {precision!r}")
         self._dtype = PRECISIONS[self.precision]
         # torch's stub of `to` leaves out the memory format
         self._net = cast(Any, deepcopy(net).eval()).to(dtype=self._dtype, memory_format=torch.channels_last)
@@ -173,9 +180,9 @@ class MaskNetwork:
 
 
 class TurnedToo:
-    """Any network, asked about an image as it is and after half a turn: the mean of both masks.
+    """Any network, applied to an image as it is and turned by 180 degrees: the mean of both masks.
 
-    What it errs in is partly chance, which differs between the two.
+    Part of a network's error is random and differs between the two.
     """
 
     def __init__(self, network):

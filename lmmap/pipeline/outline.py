@@ -1,7 +1,7 @@
-"""Normal and yaw by the image's own edges: the plate's rim, the markers' outlines, the petals' tips.
+"""Normal and yaw from the image's own edges: the plate's rim, the markers' outlines, the petals' tips.
 
 In glare the reflector mask is faint and coarse, but the image shows the outline of what stands on the plate.
-Its rim has six sides and so leaves yaws open that are 60 deg apart; markers and petals decide between them.
+The rim has six sides and so cannot tell yaws apart that differ by 60 deg; markers and petals decide.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ LINE_M = 0.0015  # standard deviation of a line's width in the templates
 
 
 def edges(image) -> np.ndarray:
-    """How much stronger than in its neighbourhood an image's edge is at each pixel, (H, W).
+    """Strength of an image's edges at each pixel, relative to the neighbourhood, (H, W).
 
-    Of frames (H, W, 3) it is the gradient of the square root of light, as noise is then alike everywhere; a
-    histogram (H, W) is made of edges.
+    For frames (H, W, 3), this is the gradient of the square root of light, which makes the noise uniform; a
+    histogram (H, W) already consists of edges.
     """
     image = np.asarray(image, np.float32)
     if image.ndim == 3:
@@ -43,8 +43,8 @@ def edges(image) -> np.ndarray:
 
 
 def support(strength, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -> np.ndarray:
-    """Mean of an image's `edges` (H, W) along the rim, the markers' outlines and the petals' tips of poses
-    (N,) at a number of yaws over one period, shape (N, yaws, 3)."""
+    """Mean of an image's `edges` (H, W) along the rim, the markers' outlines and the petals' tips, for poses
+    (N,) at ``yaws`` yaws over one period, shape (N, yaws, 3)."""
     points_m, spectra = _lines(port, yaws)
     value = sample(strength, project_points(T_cam_port, points_m, camera))
     folded = value.reshape(len(value), len(points_m), port.symmetry, -1).mean(2)
@@ -55,7 +55,7 @@ def support(strength, T_cam_port: Pose, port: Port, camera: Camera, yaws: int) -
 def log_odds(log_probability, T_cam_port: Pose, port: Port, settings: Settings = OURS) -> float:
     """Logarithm of the odds that the most probable of poses (N,) and yaws is right.
 
-    ``log_probability`` (N, yaws) is unnormalised.  Right are the poses whose normal and yaw are within
+    ``log_probability`` (N, yaws) is unnormalised.  A pose counts as right if its normal and yaw are within
     ``right_normal_rad`` and ``right_rotation_rad`` of the best one's.
     """
     p = np.exp(log_probability - np.max(log_probability))

@@ -1,4 +1,4 @@
-"""The paper's own procedure, whole: its text and nothing else, where `estimator` is ours."""
+"""The paper's own procedure, complete and following only its text; `estimator` is ours."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from .yaw import paper_yaw
 
 
 class PrintedEstimator(ImageEstimator):
-    """Pose of the port in one image by the paper's text, called as `Estimator` is.
+    """Pose of the port in one image, following the paper's text; called like `Estimator`.
 
     One threshold, Zhang's skeleton, the count gamma_S, H ellipses through five points each with F = 1 in raw
     pixels, the check of their axes' ratio, and a refit of the best one on its inliers.  Then centre and
-    normals by the printed formulas, and the yaw by the largest sum under the drawn markers, on both normals
+    normals by the printed formulas, and the yaw by the largest sum under the drawn markers, for both normals
     at every degree.  No arc is too short and no marker too faint, since the text names no such gate; its
     outlier filter is `tracking.outliers.outlier_filter`.
 
-    The text knows no lens distortion.  Of a camera that has some, the skeleton's points are undistorted.
+    The text does not mention lens distortion.  If a camera has some, the skeleton's points are undistorted.
 
     Parameters
     ----------
     camera, port, modality, weights, settings, precision
-        As `Estimator`, but by default with the networks trained as the paper's, the set ``low``.  Of the
-        settings only the number of events counts.
+        As `Estimator`, but by default with the networks trained like the paper's, the set ``low``.  Of the
+        settings, only the number of events is used.
     assumptions
         What the text leaves open.
     paper

@@ -1,5 +1,4 @@
-"""The pose of ring and markers, sharpened on both masks and then on the image's edges, and how well it is
-known."""
+"""The pose of ring and markers, refined on both masks and then on the image's edges, and its covariance."""
 
 from __future__ import annotations
 
@@ -19,11 +18,11 @@ from .yaw import YawFit
 
 @dataclass(frozen=True)
 class Refined:
-    """A pose with its covariance (6, 6), conventions of `uncertainty`, within the port's tolerances.
+    """A pose with its covariance (6, 6), conventions of `uncertainty`, given the port's tolerances.
 
-    ``covariance_by_masks`` is that before the image's edges took part, ``tilt_sigmas`` the ring's distance
-    from head-on, in its own standard deviations, and ``markers_off_px`` how far the markers are from where
-    the port has them.
+    ``covariance_by_masks`` is the covariance before the image's edges were used, ``tilt_sigmas`` the ring's
+    tilt away from head-on in units of its own standard deviation, and ``markers_off_px`` the distance of the
+    markers from where the port's geometry puts them.
     """
 
     T_cam_port: Pose
@@ -34,7 +33,7 @@ class Refined:
 
 
 def refine(fit: YawFit, ring: Contour, seen: Seen, setup: Setup) -> Refined:
-    """A pose refined on masks and image, as far as the settings allow it and its yaw is known."""
+    """Refine a pose on masks and image, as far as the settings allow it and its yaw is known."""
     assert seen.reflectors is not None  # once circles are known
     port, camera, modality, settings = setup.port, setup.camera, setup.modality, setup.settings
     T, off, by_masks, tilt_sigmas = on_masks(fit, ring, seen.reflectors, setup)
@@ -50,8 +49,8 @@ def refine(fit: YawFit, ring: Contour, seen: Seen, setup: Setup) -> Refined:
 def on_masks(
     fit: YawFit, ring: Contour, reflectors: np.ndarray, setup: Setup
 ) -> tuple[Pose, np.ndarray, np.ndarray, float]:
-    """Pose, how far the port is off, and covariance (7, 7), as `joint.JointFit` has them, by ring and markers
-    where enough of the markers' edges are known, else by the ring; and its tilt, in standard deviations."""
+    """Pose, deviation of the port and covariance (7, 7) as in `joint.JointFit`, from ring and markers if
+    enough of the markers' edges are seen, else from the ring; and the tilt, in standard deviations."""
     known, settings = ring_uncertainty(fit.T_cam_port, ring, fit.sigma_rad, setup), setup.settings
     if settings.refine_jointly and fit.yaw_margin >= settings.min_yaw_margin:
         both = joint.refine(fit.T_cam_port, ring_edges(ring, setup), reflectors, setup.port, setup.camera,
@@ -66,21 +65,21 @@ def on_masks(
 
 
 def ring_uncertainty(T_cam_port: Pose, ring: Contour, yaw_sigma_rad: float, setup: Setup) -> Uncertainty:
-    """How well a circle's pose is known by its contour."""
+    """Uncertainty of a circle's pose, given its contour."""
     return pose_uncertainty(T_cam_port, ring.points_px, sigma_px(ring, setup), setup.port.ring_radius_m,
                             setup.camera, yaw_sigma_rad, setup.settings.merged_sigmas)  # fmt: skip
 
 
 def sigma_px(ring: Contour, setup: Setup, scatter_px=None):
-    """Standard deviation of a contour's point, or of others by their scatter, as if all were independent: as
-    1 / score of the mask."""
+    """Standard deviation (px) of a contour's point, or of others by their scatter, as if all were
+    independent; it is proportional to 1 / score of the mask."""
     s = setup.settings
     scatter_px = np.maximum(ring.sigma_px if scatter_px is None else scatter_px, s.min_sigma_px)
     return scatter_px * np.sqrt(s.ring_inflation[setup.modality]) / max(ring.score, s.min_ring_score)
 
 
 def ring_edges(ring: Contour, setup: Setup) -> list[joint.RingEdge]:
-    """The ring's edges as circles of their own radii; its centre line where they are not known apart."""
+    """The ring's edges as circles of their own radii, or its centre line if the two cannot be separated."""
     port = setup.port
     circles: Iterable[tuple[Edge, float, int]]
     circles = [(Edge(ring.points_px, np.full(len(ring.points_px), ring.sigma_px)), port.ring_radius_m, 0)]

@@ -1,4 +1,4 @@
-"""Images of any lens in the pixels that the networks know: resampled to the focal length of their training.
+"""Images of any lens, resampled to the focal length on which the networks were trained.
 
 A network knows how wide the ring's stroke is in pixels at a distance.  Every step of the pipeline runs on the
 resampled image and its camera: thresholds in pixels keep their meaning, and a large sensor takes no more time
@@ -19,8 +19,8 @@ from ..types import Camera, Ellipse, Port
 
 
 def network_camera(camera: Camera, modality: str, settings: Settings = OURS) -> Camera:
-    """The camera whose pixels the networks see: of the trained focal length, or nearer to it by as much as
-    images may be enlarged.  A camera that is near enough is taken as it is."""
+    """The camera whose pixels the networks see: with the trained focal length, or as near to it as images may
+    be enlarged.  A camera that is near enough is taken as it is."""
     focal_px = np.array([camera.fx_px, camera.fy_px])
     target_px = min(settings.trained_focal_px, settings.enlargement[modality] * focal_px.min())
     near = np.abs(np.log(target_px / focal_px)) <= np.log(settings.focal_slack)
@@ -28,8 +28,8 @@ def network_camera(camera: Camera, modality: str, settings: Settings = OURS) -> 
 
 
 def enlarged_cameras(camera: Camera, modality: str, settings: Settings = OURS) -> list[Camera]:
-    """Cameras of further looks at a histogram whose lens is too short for the networks, up to their focal
-    length.  Frames are enlarged at once."""
+    """Cameras for further looks at a histogram whose lens is too short for the networks, up to the trained
+    focal length.  Frames are enlarged at the first look."""
     limit_px = settings.focal_slack * settings.trained_focal_px
     short = modality == "event" and is_short(camera, settings)
     factors = [f for f in settings.enlarged_looks if f * camera.fx_px <= limit_px] if short else []
@@ -37,8 +37,8 @@ def enlarged_cameras(camera: Camera, modality: str, settings: Settings = OURS) -
 
 
 def trained_range_m(camera: Camera, port: Port, settings: Settings = OURS) -> tuple[float, float]:
-    """From which to which distance the port's ring has a size that the networks were trained on, of images
-    that are not enlarged."""
+    """Nearest and farthest distance (m) at which the port's ring has a size that the networks were trained
+    on, in images that are not enlarged."""
     focal_px = min(camera.fx_px, settings.trained_focal_px)
     small_px, large_px = settings.trained_ring_px
     return focal_px * port.ring_radius_m / large_px, focal_px * port.ring_radius_m / small_px
@@ -50,12 +50,12 @@ def is_short(camera: Camera, settings: Settings = OURS) -> bool:
 
 
 def warn_of_lens(camera: Camera, port: Port, settings: Settings = OURS) -> None:
-    """One warning where `is_short` of the lens."""
+    """Warn once if the lens `is_short`."""
     if is_short(camera, settings):
         near_m, far_m = trained_range_m(camera, port, settings)
         warnings.warn(
-            f"lens of {camera.fx_px:.0f} px: shorter than in the training; the networks know the ring from "
-            f"{near_m:.2f} to {far_m:.2f} m with it, and further away most images have no pose",
+            f"lens of {camera.fx_px:.0f} px: shorter than in training; with it, the networks know the ring "
+            f"from {near_m:.2f} to {far_m:.2f} m, and farther away most images have no pose",
             stacklevel=4,
         )
 
@@ -67,10 +67,10 @@ def outside_training(ring: Ellipse, settings: Settings = OURS) -> bool:
 
 
 def resample(image: np.ndarray, camera: Camera) -> np.ndarray:
-    """An image (H, W, 3) u8 or a histogram (H, W) in a camera's pixels.
+    """Resample an image (H, W, 3) u8 or a histogram (H, W) to a camera's pixels.
 
-    A histogram keeps its counts a pixel, not their sum: an edge that passes releases as many events in a
-    small pixel as in a large one.
+    A histogram keeps its counts per pixel, not their sum: a passing edge triggers as many events in a small
+    pixel as in a large one.
     """
     if image.shape[:2] == camera.size_px[::-1]:
         return image
@@ -80,7 +80,7 @@ def resample(image: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def ellipse_in(ellipse: Ellipse, camera: Camera, target: Camera) -> Ellipse:
-    """An undistorted ellipse of one camera's pixels in those of another that sees the same view."""
+    """Convert an undistorted ellipse from one camera's pixels to those of another with the same view."""
     if camera == target:
         return ellipse
     A = camera.K @ np.linalg.inv(target.K)

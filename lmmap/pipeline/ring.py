@@ -1,7 +1,7 @@
 """From the ring's mask to its contour: binarisation with hysteresis, a skeleton one pixel wide, an ellipse
 through it, and the middle of the mask's stroke along that ellipse.
 
-A ring that is expected somewhere is traced from there, and searched only where that fails.
+If the ring is expected somewhere, it is traced from there; only if that fails is the mask searched.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ MAX_WIDTHS = 4.0  # of the image, that a ring's semi-axis may have: what is samp
 
 
 def find_ring(mask: np.ndarray, setup: Setup, near: Ellipse | None = None) -> Contour | Status:
-    """The ring's contour in a mask (H, W), free of lens distortion; or why there is none.
+    """Find the ring's contour in a mask (H, W), free of lens distortion; or return why there is none.
 
-    It is looked for where it is expected, then among the mask's sure blobs, and if they hold none, in all
-    of it.
+    Search first where the ring is expected, then among the mask's strong blobs and, if they hold none, in
+    the whole mask.
     """
     camera, settings = setup.camera, setup.settings
     if near is not None and (ring := follow(near, mask, setup)):
@@ -81,12 +81,12 @@ def _scored(ring: Contour, points_px, mask, camera: Camera) -> Contour:
 
 
 def strip_px(ring: Ellipse, setup: Setup) -> float:
-    """Half the width of the strip about a ring's ellipse in which its stroke is looked for."""
+    """Half the width (px) of the strip around a ring's ellipse in which its stroke is searched."""
     return float(setup.settings.contour_half_width * (stroke(setup.port) * ring.semi_axes_px[0]))
 
 
 def stroke(port: Port) -> float:
-    """Width of the ring, in its radii."""
+    """Width of the ring, in units of its radius."""
     return (port.ring_outer_radius_m - port.ring_inner_radius_m) / port.ring_radius_m
 
 
@@ -105,8 +105,8 @@ def find_ellipse(
 
 
 def binarise(mask, threshold: float = OURS.mask_threshold, peak_share: float = OURS.peak_share) -> np.ndarray:
-    """Pixels above the threshold, of those blobs that somewhere exceed ``peak_share`` times the mask's
-    maximum.  Such hysteresis drops weak blobs and keeps the weak ends of strong ones."""
+    """Pixels (H, W) above the threshold in blobs that somewhere exceed ``peak_share`` times the mask's
+    maximum.  This hysteresis drops weak blobs and keeps the weak ends of strong ones."""
     mask = np.asarray(mask, np.float32)
     high = peak_share * mask.max(initial=0)
     active = mask > threshold

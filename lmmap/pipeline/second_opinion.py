@@ -1,4 +1,4 @@
-"""The name that programs written for 0.1 import: `Estimator` itself asks networks that learned a place."""
+"""The name that programs written for 0.1 import; `Estimator` itself uses networks that learned a place."""
 
 from .estimator import Estimator as estimator_of
 

@@ -10,7 +10,7 @@ from ..types import Camera, Port
 
 @dataclass(frozen=True)
 class Setup:
-    """The port, the camera in whose pixels masks and geometry are, the kind of its images, the settings."""
+    """The port, the camera in whose pixels masks and geometry are computed, its modality, the settings."""
 
     port: Port
     camera: Camera

@@ -30,15 +30,15 @@ MAX_CARD_BYTES = 2**24  # of its card, with the curve of its training
 
 
 def weight_path(name: str, modality: str, networks: str = "low", seed: int = 0) -> Path:
-    """Where the weights of a filter ship; those of other seeds than 0 are for comparisons only."""
+    """Path of a filter's shipped weights; those of seeds other than 0 are for comparisons only."""
     other = f"-seed{seed}" if seed else ""
     return WEIGHTS / f"{name}-{modality}-{networks}{other}.safetensors"
 
 
 def save_weights(net: FilterNet, path, card: dict) -> None:
-    """Half-precision safetensors, and the model card beside it with the file's hash.
+    """Write half-precision safetensors, and beside them the model card with the file's hash.
 
-    Neither gets its name before both are written; raises `InputError` where they cannot be.
+    Neither gets its name before both are written; raises `InputError` if they cannot be written.
     """
     content = save({k: v.detach().half().contiguous().cpu() for k, v in net.state_dict().items()})
     card = {**card, "sha256": hashlib.sha256(content).hexdigest()}
@@ -48,26 +48,26 @@ def save_weights(net: FilterNet, path, card: dict) -> None:
 
 
 def load_card(path) -> dict:
-    """The model card beside a weight file."""
+    """Read the model card beside a weight file; raises `InputError`."""
     path = Path(path).with_suffix(".json")
     try:
         card = read_json(read_text(path, MAX_CARD_BYTES))
         if not isinstance(card, dict):
-            raise ValueError("it is no object")
+            raise ValueError("expected an object")
         return card
     except ValueError as error:
         raise InputError(f"{path}: not a model card ({str(error)[:100]}); restore it") from None
 
 
 def shipped_sets() -> list[str]:
-    """Those of `SETS` of which all filters are there."""
+    """The names in `SETS` of which all filters are present."""
     everything = [(f, m) for f in FILTERS for m in CHANNELS]
     return [name for name in SETS if all(weight_path(f, m, name).exists() for f, m in everything)]
 
 
 def load_filter(path, modality: str) -> FilterNet:
-    """The network of a weight file, of whatever width; `InputError` if it is absent, damaged or of another
-    architecture."""
+    """Load the network of a weight file, whatever its widths; raises `InputError` if the file is missing,
+    damaged or of another architecture."""
     path = Path(path)
     if not os.path.isdir(path.parent):
         sets = ", ".join(shipped_sets())
@@ -100,13 +100,13 @@ def load_filter(path, modality: str) -> FilterNet:
 
 
 def load_network(path, modality: str, precision: str = "auto") -> MaskNetwork:
-    """A filter from its weight file; errors as `load_filter`."""
+    """Load a filter from its weight file; errors as `load_filter`."""
     return MaskNetwork(load_filter(path, modality), modality, precision)
 
 
 def network_paths(weights: str | Path, modality: str) -> list[Path]:
     """The weight files of the ring and of the reflectors: of a shipped set, one of `SETS`, or of a
-    folder with files named as the ones of `low`.  `InputError` for a folder of `lmmap export`."""
+    folder with files named like those of `low`.  Raises `InputError` for a folder of `lmmap export`."""
     if isinstance(weights, str) and weights in FORMER:
         warnings.warn(f"the networks {weights!r} are now called {FORMER[weights]!r}", stacklevel=2)
         weights = FORMER[weights]
@@ -120,8 +120,8 @@ def network_paths(weights: str | Path, modality: str) -> list[Path]:
 
 
 def own_limit(weights: str | Path, modality: str) -> float:
-    """The confidence that poses of these networks have to reach by their cards, beside the settings' own; 0
-    where the cards state none."""
+    """The confidence that the cards of these networks require of a pose, besides the settings' minimum; 0 if
+    they state none.  Raises `InputError`."""
     limits = [load_card(path).get("min_confidence", 0.0) for path in network_paths(weights, modality)]
     for limit in limits:
         if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 <= limit <= 1:
@@ -132,12 +132,12 @@ def own_limit(weights: str | Path, modality: str) -> float:
 
 
 def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
-    """The networks of the ring and of the reflectors by `network_paths`; errors as `load_filter`."""
+    """Load the networks of the ring and of the reflectors from `network_paths`; errors as `load_filter`."""
     return [load_network(path, modality, precision) for path in network_paths(weights, modality)]
 
 
 def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:
-    """What the weight files that `Estimator` reads hold, by their names in their folder."""
+    """Hashes of the weight files that `Estimator` reads, by their names in their folder."""
     files = {path.name: path for path in network_paths(weights, modality)}
     if folder := before(weights, modality):
         files |= {f"{BEFORE}/{path.name}": path for path in network_paths(folder, modality)}
@@ -145,9 +145,9 @@ def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:
 
 
 def before(weights, modality: str) -> Path | None:
-    """The folder of the networks from before that those of this modality keep, if they have learned.
+    """The folder that keeps the networks from before this modality's have learned; None if they have not.
 
-    Raises `InputError` where the cards of this modality say that they have, and the folder has none.
+    Raises `InputError` if this modality's cards say that they have learned, but the folder is empty.
     """
     if not isinstance(weights, str | Path) or weights in (*SETS, *FORMER):
         return None

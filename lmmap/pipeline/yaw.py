@@ -24,12 +24,12 @@ from . import outline
 class YawFit:
     """The better of the two normals with its best yaw, and the other normal with its best yaw.
 
-    Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` says how sure
-    the choice of the normal is: by how much of its own size the criterion falls from the better normal
-    to the other, in [0, 1].  ``sigma_rad`` says how sure the yaw is, given the normal, and ``yaw_margin`` by
-    how much of its own size the correlation falls to the best of the other yaws; below
-    `Settings.min_yaw_margin` the yaw is not known.  ``log_odds`` are those that normal and yaw are right, as
-    far as mask and image tell; 0 where only the mask was asked.
+    Scores are the mean of the mask inside the projected markers, in [0, 1].  ``margin`` measures how sure
+    the choice of the normal is: the relative drop of the criterion from the better normal to the other, in
+    [0, 1].  ``sigma_rad`` is the yaw's standard deviation, given the normal, and ``yaw_margin`` the relative
+    drop of the correlation to the best of the other yaws; below `Settings.min_yaw_margin` the yaw is unknown.
+    ``log_odds`` are the log odds, given mask and image, that normal and yaw are right; 0 if only the mask was
+    used.
     """
 
     T_cam_port: Pose
@@ -85,8 +85,8 @@ def fast_yaw(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera, setti
     larger one.  Arguments as `paper_yaw`; markers outside the image or behind the camera count as
     unlit.
 
-    With ``edges`` (H, W) of the image, `outline.edges`, normal and yaw are those of the greatest probability
-    by the mask and by `outline.support` together, with ``weights`` (4,), `Settings.yaw_weights`.
+    With the image's `outline.edges`, ``edges`` (H, W), normal and yaw are the most probable ones given the
+    mask and `outline.support` together, with ``weights`` (4,), `Settings.yaw_weights`.
     """
     mask = _check(reflector_mask, T_cam_port, camera)
     check_yaw_step(port, settings.yaw_step_rad)
@@ -122,7 +122,7 @@ def marker_score(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -
 
 
 def correlate(mask, T_cam_port: Pose, port: Port, camera: Camera, settings: Settings):
-    """The mask on polar coordinates of the markers' plane, its sectors folded, (2, R, yaws), and its circular
+    """The mask on a polar grid in the markers' plane, its sectors folded, (2, R, yaws), and its circular
     correlation with one marker (2, yaws)."""
     points_m, template, _ = polar_template(port, settings.yaw_step_rad)
     folded = sample(mask, project_points(T_cam_port, points_m, camera))

@@ -36,16 +36,16 @@ DAMAGE = zstd.ZstdError, RuntimeError, ElementTree.ParseError
 
 @reader("damaged AEDAT4", "record or copy the file again", DAMAGE)
 def read(path: Path, stream: int | str | None = None) -> Source:
-    """What is in a file; raises `InputError`.  Events and frames are of one camera: the first, or that of
-    ``stream``; a warning names what is left out.
+    """Read a file's events and frames; raises `InputError`.  They are those of one camera: the first, or the
+    one of ``stream``; a warning names what is left out.
 
-    Values are as stored: nothing here checks the order of time or the range of coordinates.
+    Values are as stored: neither the order of time nor the range of coordinates is checked here.
     """
     compression, end, streams = _header(path)
     if end >= 0 and not _whole_table(path, end, compression):
         raise ValueError("truncated in its table of packets")
     if end < 0:
-        text = "its recording was cut off; what its whole packets hold is read"
+        text = "its recording was cut off; reading only its complete packets"
         warnings.warn(f"{path}: {text}", stacklevel=7)
     used = _chosen(path, streams, stream)
     sizes = {streams[k].size_px for k in used.values()}
@@ -186,7 +186,7 @@ def _events(path: Path, stream: int) -> Iterator[np.ndarray]:
 def _events_of(content: bytes) -> np.ndarray:
     packed = Table(content).vector(0, "V16")  # laid out like EVENT
     if packed.view("u1")[12::16].max(initial=0) > 1:
-        raise ValueError("a packet with polarities that are none")
+        raise ValueError("a packet with polarities other than 0 and 1")
     return packed.view(EVENT)
 
 
@@ -214,6 +214,6 @@ def _frames(path: Path, stream: int) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def rgb(image: np.ndarray) -> np.ndarray:
-    """(H, W, 3) RGB of (H, W[, C]) BGR, BGRA, or one channel, which is repeated."""
+    """Convert (H, W[, C]) BGR, BGRA or one channel, which is repeated, to RGB (H, W, 3)."""
     pixels = image if image.ndim == 3 else image[..., None]
     return np.ascontiguousarray(np.broadcast_to(pixels[..., 2::-1], (*image.shape[:2], 3)))

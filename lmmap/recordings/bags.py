@@ -1,4 +1,4 @@
-"""What ROS 1 and ROS 2 bags have in common: topics of events and of images, made a recording."""
+"""What ROS 1 and ROS 2 bags have in common: turning topics of events and images into a recording."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ ARRAY = "dvs_msgs/msg/EventArray"  # of the paper's laboratory
 
 
 class Unread(ValueError):
-    """What no reader knows to read in a topic; the message names it."""
+    """A topic holds something that no reader can read; the message names it."""
 
 
 class Dialect(NamedTuple):
     """How bags of one kind are read.
 
-    ``open(path)`` gives a block its reader, and what damaged bytes raise there is an `InputError`.
-    ``decoder()`` makes a function, for one pass over messages in their order, from ``(reader, connection,
-    bytes, header's time)`` to ``((width, height), events)``, and ``deserialize`` makes a message of any.
-    ``stamp`` gives seconds and nanoseconds of a message's header.  ``packed`` are the types of messages with
-    packed events; without any, the dialect knows `ARRAY` alone.
+    ``open(path)`` is a context manager that gives the reader and turns errors from damaged bytes into an
+    `InputError`.  ``decoder()`` makes a function, for one pass over the messages in order, from ``(reader,
+    connection, bytes, header's time)`` to ``((width, height), events)``; ``deserialize`` decodes any message.
+    ``stamp`` gives seconds and nanoseconds of a message's header.  ``packed`` lists the types of messages
+    with packed events; if it is empty, the dialect knows only `ARRAY`.
     """
 
     open: Callable[[Path], AbstractContextManager]
@@ -59,8 +59,8 @@ class Dialect(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """A topic that is read, by its name: size and type of its first image or events, and whether its messages
-    have no stamps, and its events no times."""
+    """A topic to read: its name, the size and type of its first image or events, and whether its messages
+    lack stamps and its events lack times."""
 
     name: str
     size_px: tuple[int, int]
@@ -69,14 +69,20 @@ class Topic(NamedTuple):
     no_times: bool
 
     def messages(self, bag, dialect: Dialect) -> Iterator[tuple]:
-        """Connection, bytes and time of each message: its stamp or, without stamps, when it was recorded."""
+        """Yield connection, bytes and time (us) of each message: its stamp or, without stamps, when it was
+        recorded."""
         for connection, recorded_ns, raw in _messages(bag, self.name):
             yield connection, raw, recorded_ns // 1000 if self.no_stamps else dialect.time_us(raw)
 
 
 def read(path: Path, dialect: Dialect) -> Source | None:
-    """A topic of events and one of images, or None of a bag with other events than the dialect knows; raises
-    `InputError`."""
+    """Read a topic of events and one of images; None for a bag with events that the dialect does not know.
+
+    Raises
+    ------
+    InputError
+        If no topic can be read.
+    """
     with dialect.open(path) as bag:
         kinds = {c.msgtype for c in bag.connections if _kind(c.msgtype) == "events"}
         if not dialect.packed and kinds - {ARRAY}:

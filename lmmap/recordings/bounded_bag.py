@@ -19,7 +19,7 @@ DECOMPRESSORS = {"none": None, "bz2": BZ2Decompressor, "lz4": LZ4FrameDecompress
 
 
 class BoundedReader(Reader):
-    """The library's reader with limits: on what it reads at once, and on what a chunk decompresses to."""
+    """The library's reader, with limits on what it reads at once and on what a chunk decompresses to."""
 
     bio: BinaryIO  # while it is open
     path: Any  # the library's type, or our `BoundedPath`
@@ -43,7 +43,7 @@ class BoundedReader(Reader):
 
 
 class BoundedPath:
-    """A path whose file refuses to read more at once than any record has."""
+    """A path whose file refuses to read more at once than any record holds."""
 
     def __init__(self, path: Path):
         self._path = path

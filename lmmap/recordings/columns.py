@@ -1,4 +1,4 @@
-"""Columns of a table of estimates: the names, units and frames that every program which reads it needs."""
+"""Columns of a table of estimates: the names, units and frames that any program needs to read it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What is read as it comes: here a recording, played in the time that it took; cameras by other packages.
+"""Devices that are read live: here a recording, played at its own speed; other packages add cameras.
 
-A device has ``size_px``, ``running()``, ``now_us()`` and ``pending(modality)``, what has come since the last
-call: chunks of events, or ``(t_us, frame)``.
+A device has ``size_px``, ``running()``, ``now_us()`` and ``pending(modality)``, which returns what has come
+since the last call: chunks of events, or ``(t_us, frame)``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LONGEST_GAP_S = 10.0  # of a recording that is played: a longer one is passed ov
 
 
 class Played:
-    """A stream in real time; its clock starts at the first call of `pending`, and jumps over long gaps."""
+    """A stream played in real time; its clock starts at the first call of `pending` and skips long gaps."""
 
     def __init__(self, stream: Stream, clock: Callable[[], float] = time.monotonic):
         self.size_px = stream.camera.size_px
@@ -30,7 +30,7 @@ class Played:
         self._over = self._warned = False
 
     def now_us(self) -> int:
-        """Time of the recording now."""
+        """The present time (us) in the recording."""
         return self._first_us + round((self._clock() - self._start_s) * 1e6)
 
     def running(self) -> bool:
@@ -69,5 +69,5 @@ class Played:
         if self._start_s is not None and not self._warned:
             self._warned = True
             gap_s = (next_us - self.now_us()) * 1e-6
-            warnings.warn(f"live: nothing for {gap_s:.0f} s of the recording; passed over", stacklevel=4)
+            warnings.warn(f"live: nothing for {gap_s:.0f} s of the recording; skipping them", stacklevel=4)
         self._start_s, self._first_us = self._clock(), next_us

@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Table:
-    """The root table of a flatbuffer (after its size, or at ``start``), every offset checked."""
+    """The root table of a flatbuffer (after its size, or at ``start``), with every offset checked."""
 
     def __init__(self, content: bytes, start: int = 4):
         self._content = content
@@ -18,7 +18,7 @@ class Table:
 
     def _read(self, form: str, at: int):
         if at < 0:  # Python would count from the end
-            raise ValueError("a packet with an offset out of it")
+            raise ValueError("a packet with an offset that points outside it")
         return unpack(form, self._content[at : at + struct.calcsize(form)])[0]
 
     def _place(self, field: int) -> int | None:

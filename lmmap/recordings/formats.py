@@ -1,8 +1,8 @@
-"""Files to recordings: those of the paper's laboratory here, others by readers that `plugins` finds.
+"""Open files as recordings: the formats of the paper's laboratory here, others by readers from `plugins`.
 
-``open_recording`` turns a file into a checked `Recording`; nothing behind it has to ask again
+``open_recording`` turns a file into a checked `Recording`; no later code has to check again
 whether time runs forward or coordinates lie on the sensor.  Beside a recording ``NAME.aedat4`` lie
-``NAME.camera.json`` (the calibration) and, where it is known, ``NAME.truth.csv`` or ``.truth.tum``.
+``NAME.camera.json`` (the calibration) and, if it is known, ``NAME.truth.csv`` or ``.truth.tum``.
 A folder of bags may share one ``camera.json``.
 """
 
@@ -30,9 +30,10 @@ METADATA = "metadata.yaml"  # what tells a ROS 2 bag's folder from another
 def open_recording(path: str | Path, camera: Camera | str | Path | None = None, **options) -> Recording:
     """Read any of `formats` into memory, with the camera and truth beside it; raises `InputError`.
 
-    ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) wins over
-    ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a recording of
-    346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``options`` are those of `open_stream`.
+    ``camera`` (or a calibration file, or a sensor and its nominal lens, such as ``"evk4:8mm"``) takes
+    precedence over ``NAME.camera.json``, and that over a calibration inside the recording.  Without any, a
+    recording of 346 x 260 px gets the nominal DAVIS 346 camera, with a warning.  ``options`` are those of
+    `open_stream`.
 
     Examples
     --------
@@ -52,12 +53,26 @@ def open_stream(
     stream: int | str | None = None,
     time_unit: str | None = None,
 ) -> Stream:
-    """As `open_recording`, but read while it is used, in bounded memory however long the recording.
+    """As `open_recording`, but read the file while it is used, in bounded memory however long the recording.
 
-    Faults in the data are raised when they are met.  With ``checked=False`` they never are, and a recording
-    without a calibration is no error: its stream has no camera.  ``fps`` is the rate of a folder of pictures
-    that have no times, ``stream`` the number of one in AEDAT4, or a group of HDF5, whose camera is meant, and
-    ``time_unit`` (s, ms, us or ns) that of the times of events in files that do not state it.
+    Faults in the data raise `InputError` when they are reached.  With ``checked=False`` they do not, and a
+    recording without a calibration is accepted: its stream has no camera.
+
+    Parameters
+    ----------
+    fps
+        Pictures per second in a folder of pictures without times.
+    stream
+        Which camera to read, of several: the number of a stream in AEDAT4, or a group in HDF5.
+    time_unit
+        Unit of the times (s, ms, us or ns) in files that do not state it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or an option does not apply to its format.
+    ValueError
+        If ``time_unit`` is none of these.
     """
     if time_unit not in (None, *UNITS):
         raise ValueError(f"time_unit: expected one of {', '.join(UNITS)}, got {time_unit!r:.40}")
@@ -67,7 +82,7 @@ def open_stream(
         regular_file(path)
     kind = _kind(path)
     if kind not in READERS and not plugins.reader(kind):
-        raise InputError(f"{path}: cannot read '{path.suffix}'; read now: {', '.join(suffixes())}")
+        raise InputError(f"{path}: cannot read '{path.suffix}'; give one of {', '.join(suffixes())}")
     options = {name: value for name, value in named.items() if value is not None}
     for name, value in options.items():
         if kind not in OPTIONS[name][0]:
@@ -95,13 +110,13 @@ def open_stream(
 
 
 def suffixes() -> list[str]:
-    """How names of recordings end that can be read; "folder" is one of pictures."""
+    """Suffixes of the recordings that can be read; "folder" stands for a folder of pictures."""
     found = plugins.entry_points(plugins.READERS)
     return [*READERS, *(name for name in found if name[0] == "." and name not in READERS)]
 
 
 def formats() -> dict[str, tuple[str, ...]]:
-    """How names end, by what the format is."""
+    """Suffixes of each format, by the format's description."""
     what = {suffix: text for text, ends, _ in FORMATS for suffix in ends}
     others = [suffix for suffix in reversed(suffixes()) if suffix not in what]
     what |= {suffix: plugins.reader(suffix).what for suffix in others}
@@ -109,13 +124,13 @@ def formats() -> dict[str, tuple[str, ...]]:
 
 
 def format_name(path) -> str:
-    """What `formats` calls the format of a file or a folder that can be read."""
+    """The description in `formats` of the format of a file or folder that can be read."""
     return next(what for what, ends in formats().items() if _kind(Path(path)) in ends)
 
 
 def load_camera(text, size_px: tuple[int, int] | None = None, topics=()) -> Camera:
-    """The camera of a calibration file, of several that of a recording's size and topics, or the nominal one
-    that a text such as ``evk4:8mm`` asks for; raises `InputError`."""
+    """Load the camera of a calibration file (if it holds several, the one that matches a recording's size and
+    topics), or the nominal one of a text such as ``evk4:8mm``; raises `InputError`."""
     nominal = None if Path(str(text)).exists() else plugins.reader("lens")
     return (nominal and nominal(str(text))) or Camera.load(text, size_px, topics)
 

@@ -1,4 +1,4 @@
-"""HDF5 as we write it: DSEC's layout, with frames and the sensor's size added to it."""
+"""HDF5 as we write it: DSEC's layout, with frames and the sensor's size added."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ hdf5_file = reader(
 
 @hdf5_file
 def read(path: Path, time_unit: str | None = None, stream: str | None = None) -> Source | None:
-    """Events ``events/{t,x,y,p}`` in microseconds after ``t_offset``, and ``frames`` at ``frames_t_us``.
+    """Read events ``events/{t,x,y,p}`` in microseconds after ``t_offset``, and ``frames`` at ``frames_t_us``.
 
-    None of a file that does not state its ``size_px`` and has times in whole numbers as ours, or where an
-    option asks for another layout.
+    Return None unless the file, like ours, states its ``size_px`` and has times in whole numbers, or if an
+    option asks for another layout.  Raises `InputError`.
     """
     with h5py.File(path, "r") as file:
         if time_unit or stream or "size_px" not in file.attrs or "events/t" not in file:
@@ -42,7 +42,7 @@ def read(path: Path, time_unit: str | None = None, stream: str | None = None) ->
 
 
 def stated_size_px(file: h5py.File) -> tuple[int, int] | None:
-    """Width and height of the sensor, where a file states them; ValueError where they are none."""
+    """Width and height of the sensor, if the file states them; ValueError if these are not sizes."""
     if "size_px" not in file.attrs:
         return None
     size = file.attrs["size_px"]
@@ -53,7 +53,7 @@ def stated_size_px(file: h5py.File) -> tuple[int, int] | None:
 
 
 def columns(file: h5py.File, group: str) -> list[h5py.Dataset]:
-    """The data sets t, x, y and p of a group."""
+    """The data sets t, x, y and p of a group; ValueError unless they have one shape."""
     found = [open_dataset(file, f"{group}/{name}", 1) for name in "txyp"]
     if len({c.shape for c in found}) != 1:
         raise ValueError(f"columns of shapes {', '.join(str(c.shape) for c in found)}")
@@ -61,21 +61,21 @@ def columns(file: h5py.File, group: str) -> list[h5py.Dataset]:
 
 
 def offset_of_us(file: h5py.File, in_us: InUs = as_stored) -> int:
-    """What the times of all groups are counted from, of a function that makes times microseconds."""
+    """The time (us) from which the times of all groups count; ``in_us`` converts times to microseconds."""
     if "t_offset" not in file:
         return 0
     return int(in_us(np.atleast_1d(open_dataset(file, "t_offset", 0)[()]))[0])
 
 
 def opened(path: Path, layout: Callable[[h5py.File], Iterator[np.ndarray]]) -> Iterator[np.ndarray]:
-    """Arrays of events (M,) EVENT of a file, by a function that reads its layout."""
+    """Yield arrays of events (M,) EVENT from a file, read by the function for its layout."""
     with h5py.File(path, "r") as file:
         for events in layout(file):
             yield from pieces(events, CHUNK)
 
 
 def dsec(file: h5py.File, group: str, in_us: InUs = as_stored) -> Iterator[np.ndarray]:
-    """Arrays of events of a group of columns."""
+    """Yield arrays of events (M,) EVENT from a group of columns."""
     offset_us = offset_of_us(file, in_us)
     for t, *others in blocks(CHUNK, *columns(file, group)):
         yield event_array(in_us(t), *others, offset_us=offset_us)
@@ -84,7 +84,7 @@ def dsec(file: h5py.File, group: str, in_us: InUs = as_stored) -> Iterator[np.nd
 def frames(
     path: Path, group: str, images: str, times: str, in_us: InUs = as_stored
 ) -> Iterator[tuple[int, np.ndarray]]:
-    """``(t_us, image)`` of data sets of a group, if it has them."""
+    """Yield ``(t_us, (H, W, 3) image)`` from data sets of a group, if it has them; raises ValueError."""
     with h5py.File(path, "r") as file:
         if group + images not in file:
             return

@@ -1,4 +1,4 @@
-"""Datasets of an HDF5 file from a stranger, opened only where the file itself holds all that they promise.
+"""Datasets of an untrusted HDF5 file, opened only if the file itself holds all that they promise.
 
 HDF5 makes up the values of chunks that were never written, follows links into other files, and inflates a
 chunk to any size before it compares it with the one stated.
@@ -25,20 +25,20 @@ DEFLATE_RATIO = 1032  # the most that zlib inflates a byte to
 
 
 def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -> h5py.Dataset:
-    """A dataset of numbers, of one of ``ndims`` dimensions, which this file holds.
+    """Open a dataset of numbers that this file holds, with one of ``ndims`` dimensions.
 
-    With ``columns``, a letter each, it is one of records that have numbers of these names.
+    With ``columns``, one letter each, its elements must be records with numbers under these names.
 
     Raises
     ------
     ValueError
-        For any other, named by what is wrong with it.
+        For any other dataset; the message says what is wrong with it.
     KeyError
         If there is no dataset of this name.
     """
     dataset = group[name]
     if not isinstance(dataset, h5py.Dataset):
-        raise ValueError(f"{name} is no data set")
+        raise ValueError(f"{name} is not a data set")
     if not _holds_numbers(dataset.dtype, columns):
         expected = f"records of {', '.join(columns)}" if columns else "numbers"
         raise ValueError(f"{name} does not hold {expected}")
@@ -66,7 +66,7 @@ def open_dataset(group: h5py.Group, name: str, *ndims: int, columns: str = "") -
 
 
 def check_place(group: h5py.Group, dataset: h5py.Dataset, name: str) -> None:
-    """ValueError unless a data set lies in its group's file."""
+    """Raise ValueError unless a data set lies in its group's file."""
     outside = dataset.is_virtual or dataset.id.get_create_plist().get_external_count()
     if outside or dataset.file.filename != group.file.filename:
         raise ValueError(f"{name} lies in another file")
@@ -79,15 +79,15 @@ def _holds_numbers(kind: np.dtype, columns: str) -> bool:
 
 
 def blocks(least: int, *datasets: h5py.Dataset) -> Iterator[list[np.ndarray]]:
-    """Datasets of one length in runs of rows, as many at a time as `rows_at_once` allows."""
+    """Yield datasets of one length in blocks of rows, as many at a time as `rows_at_once` allows."""
     step = rows_at_once(least, *datasets)
     for i in range(0, len(datasets[0]), step):
         yield [dataset[i : i + step] for dataset in datasets]
 
 
 def rows_at_once(least: int, *datasets: h5py.Dataset) -> int:
-    """How many rows of datasets to read at a time: chunks of more than ``least`` are inflated once, but no
-    more than `MAX_CHUNK_BYTES` are read."""
+    """How many rows of datasets to read at a time: enough that chunks of more than ``least`` rows are
+    inflated only once, but no more than `MAX_CHUNK_BYTES`."""
     row_bytes = sum(d.dtype.itemsize * math.prod(d.shape[1:]) for d in datasets)
     wanted = max(least, *(d.chunks[0] for d in datasets if d.chunks), 1)
     return max(1, min(wanted, MAX_CHUNK_BYTES // max(row_bytes, 1)))

@@ -1,4 +1,4 @@
-"""Images as recordings: one picture, a folder of them at a rate, and videos."""
+"""Images as recordings: a picture, a folder of pictures at a fixed rate, or a video."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ picture = reader("cannot read this picture", "give PNG or JPEG files", (cv2.erro
 
 @picture
 def read_picture(path: Path) -> Source:
-    """One picture as a frame at time zero; raises `InputError`."""
+    """Read one picture as a frame at time zero; raises `InputError`."""
     return sequence(path, [path], [0])
 
 
 @picture
 def read_numbered(path: Path, fps: float | None = None, time_unit: str | None = None) -> Source | None:
-    """A folder's pictures, ``fps`` to the second, in the order of the numbers in their names; raises
-    `InputError`.  None without a rate: then a list has their times, which is another program's."""
+    """Read a folder's pictures, ``fps`` per second, in the order of the numbers in their names; raises
+    `InputError`.  Return None without a rate: their times are then in a list, which another reader reads."""
     if fps is None:
         return None
     if not 0 < fps < 1e6:
@@ -53,7 +53,7 @@ def read_numbered(path: Path, fps: float | None = None, time_unit: str | None = 
 
 
 def sequence(path: Path, names: list[Path], t_us: list[int]) -> Source:
-    """Images of files, of which the first is decoded at once for its size."""
+    """A source of image files at times (us); the first is decoded at once for its size."""
     first = read_image(names[0])
 
     def frames():
@@ -73,8 +73,8 @@ def _picture_details(path: Path) -> dict:
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """The image files of a folder that are not hidden, in the order of the numbers in their names; ValueError
-    where one is there in two formats.  A warning says which names are not alike."""
+    """The image files of a folder, without hidden ones, in the order of the numbers in their names; raises
+    ValueError if a picture is there in two formats.  A warning lists names of different forms."""
     names = [p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.name[0] != "."]
     names = sorted((p for p in names if not p.is_dir()), key=_numbers)
     stem, count = max(Counter(p.stem for p in names).items(), key=lambda item: item[1], default=("", 0))
@@ -119,7 +119,7 @@ def _numbers(path: Path) -> tuple[list, str]:
 
 
 def read_image(path: Path) -> np.ndarray:
-    """The image (H, W, 3) RGB of a file, u8 or u16; ValueError, with its name, where it holds none."""
+    """Read an image (H, W, 3) RGB, u8 or u16; raises ValueError, with the file's name, if it holds none."""
     try:
         return decode(regular_file(path, MAX_IMAGE_BYTES).read_bytes())
     except ValueError as error:
@@ -127,9 +127,10 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def decode(content: bytes) -> np.ndarray:
-    """The image (H, W, 3) RGB of a file's bytes, u8 or u16; ValueError where they are none, or too many.
+    """Decode a file's bytes to an image (H, W, 3) RGB, u8 or u16; raises ValueError if they hold no image or
+    one with too many pixels.
 
-    Its size is read before its pixels are: a megabyte can stand for gigapixels.
+    The size is read before the pixels, because a megabyte can stand for gigapixels.
     """
     try:
         with Image.open(io.BytesIO(content)) as header:
@@ -149,7 +150,7 @@ def decode(content: bytes) -> np.ndarray:
 
 @reader("not a video", "convert it to MP4 or copy it again", (cv2.error,))
 def read_video(path: Path) -> Source:
-    """Frames of a video at the times that the file states, from its start."""
+    """Read the frames of a video at the times that the file states, from its start; raises `InputError`."""
     _, first = next(_video_frames(path))
     frames, details = partial(_video_frames, path), partial(_video_details, path)
     return Source(path, first.shape[1::-1], frames=frames, details=details)
@@ -177,5 +178,5 @@ def _video_frames(path: Path):
     if count < stated:
         text = f"holds {count} of the {stated} images that its header promises"
         warnings.warn(
-            f"{path}: {text}; unless its rate varies it was cut or damaged, so copy it again", stacklevel=2
+            f"{path}: {text}; unless its rate varies, it was cut or damaged: copy it again", stacklevel=2
         )

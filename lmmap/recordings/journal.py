@@ -1,4 +1,4 @@
-"""A table of estimates that grows line by line, so that an interrupted run keeps its work and can go on."""
+"""A table of estimates that grows line by line, so that an interrupted run keeps its work and can resume."""
 
 from __future__ import annotations
 
@@ -22,32 +22,34 @@ ENDS_BYTES = 2**20  # of a recording, at both ends, by which it is known again
 
 
 class Journal:
-    """Estimates on disk one by one, as ``csv`` (`read_estimates`) or ``tum`` (`read_trajectory`).
+    """Write estimates to disk one by one, as ``csv`` (`read_estimates`) or ``tum`` (`read_trajectory`).
 
     Use it in a ``with`` block, which keeps other processes from the same file.  A file that is not resumed
     stays until the block ends without an error; until then the estimates are in ``NAME.lmmap-part``, where a
-    run that resumes goes on.
+    resumed run continues.
 
     Parameters
     ----------
     made_of
-        What the estimates depend on, kept beside them in a file whose name ends in ``.made-of``.  Only what
-        was made of the same is resumed.  None: the caller knows it by other means.
+        What the estimates depend on, kept beside them in a file whose name ends in ``.made-of``.  Only a file
+        that was made from the same is resumed.  None: the caller checks this by other means.
     resume
-        Go on with a file that is there: ``done_us`` are the times of its estimates (``tum`` holds poses
-        only), ``done`` the estimates by their times (``csv``).  A last line that was cut off is dropped.
+        Continue an existing file: ``done_us`` are the times of its estimates (``tum`` holds poses only),
+        ``done`` the estimates by their times (``csv``).  An incomplete last line is dropped.
 
     Attributes
     ----------
     kept_in : Path
         The file that holds the estimates until the block ends.
     is_whole : bool
-        Set it to False where estimates are missing, so that an older file stays.
+        Set it to False if estimates are missing, so that an older file stays.
 
     Raises
     ------
     InputError
-        For what cannot be written, and for a file to resume that is not ours; it is not touched.
+        If the file cannot be written, or the file to resume is not ours; that file is not touched.
+    ValueError
+        If ``format`` is neither ``csv`` nor ``tum``.
     """
 
     def __init__(self, path, format: str = "csv", resume: bool = False, made_of: dict | None = None):
@@ -86,8 +88,8 @@ class Journal:
             self.done_us, self.statuses = [e.t_us for e in estimates], [str(e.status) for e in estimates]
 
     def has(self, *times_us: int) -> bool:
-        """Whether an image is done that is estimated at one of these times; `InputError` if its neighbours
-        are, but it is not."""
+        """Whether the image that is estimated at one of these times (us) is done; raises `InputError` if its
+        neighbours are, but it is not."""
         if not self.done_us or min(times_us) > self.done_us[-1]:
             return False
         if self.format == "csv" and self._times.isdisjoint(times_us):
@@ -111,7 +113,7 @@ class Journal:
             self._file.flush()
         except OSError as error:
             raise InputError(
-                f"{self.path}: cannot write ({error.strerror}); make room, then go on: estimate with --resume"
+                f"{self.path}: cannot write ({error.strerror}); free some space, then continue with --resume"
             ) from None
 
     def _open(self) -> None:
@@ -173,9 +175,9 @@ def _mark_of(path: Path) -> Path:
 
 
 def recording_mark(path) -> dict:
-    """Name, size and a hash by which a recording is known again; of long files the hash is of both ends.
+    """Name, size and hash that identify a recording; for long files, only both ends are hashed.
 
-    Of a folder they are its list's, and the number of files in it.
+    For a folder, those of its list of times, and the number of files in it.
     """
     path = Path(path)
     if path.is_dir():

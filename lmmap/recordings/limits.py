@@ -1,6 +1,6 @@
-"""What a recording may hold: beyond these limits a file is damaged or hostile, and is refused.
+"""Limits on what a recording may hold: a file beyond them is damaged or hostile, and is refused.
 
-Each is some tens of times what cameras and drivers write, and together they keep reading under a gigabyte.
+Each limit is some tens of times what cameras and drivers write; together they keep reading below a gigabyte.
 """
 
 from ..types.checks import MAX_TIME_US as MAX_TIME_US
@@ -15,7 +15,7 @@ MAX_POSITION_M = 1e6  # a thousand kilometres
 
 
 def check_times(t_us) -> None:
-    """ValueError where a time (int, or an array of them) is beyond `MAX_TIME_US`."""
+    """Raise ValueError if a time in microseconds (int, or an array of them) is beyond `MAX_TIME_US`."""
     low, high = (t_us, t_us) if isinstance(t_us, int) else (int(t_us.min()), int(t_us.max()))
     if low < -MAX_TIME_US or high > MAX_TIME_US:
         time_us = f"{low if low < -MAX_TIME_US else high}"
@@ -24,7 +24,7 @@ def check_times(t_us) -> None:
 
 
 def check_image(width: int, height: int) -> None:
-    """ValueError for an image without pixels, or with more than `MAX_IMAGE_PIXELS`."""
+    """Raise ValueError for an image without pixels, or with more than `MAX_IMAGE_PIXELS`."""
     if width < 1 or height < 1 or width * height > MAX_IMAGE_PIXELS:
         raise ValueError(
             f"an image of {width} x {height} px; expected 1 to {MAX_IMAGE_PIXELS // 10**6} megapixels"

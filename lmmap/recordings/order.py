@@ -1,4 +1,4 @@
-"""Events and frames on their way: in the order of time and on the sensor, or an error with a remedy."""
+"""Checks of events and frames as they pass: in time order and on the sensor, or an error with a remedy."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from .limits import MAX_TIME_US, check_times
 
 
 def in_order(chunks: Iterable[np.ndarray], name: str | None = None) -> Iterator[np.ndarray]:
-    """Pass chunks (M,) EVENT on; ValueError, with a remedy, where time runs backward.
+    """Pass chunks (M,) EVENT on; raises ValueError, with a remedy, if time runs backward.
 
-    With a ``name``, that of the recording, the readers of other programs' formats, where they are installed,
-    put a few events in order.
+    With the recording's ``name``, a few events out of order are put in order if lmmap_readers is installed.
     """
     before, last_us, mender = 0, -MAX_TIME_US, None
     for e in chunks:
@@ -38,7 +37,7 @@ def in_order(chunks: Iterable[np.ndarray], name: str | None = None) -> Iterator[
 
 
 def fault(t_us: np.ndarray, last_us: int, before: int) -> str:
-    """Where times (N,) run backward that follow ``before`` others, up to ``last_us``, and what to do."""
+    """Say where times (N,), after ``before`` others up to ``last_us``, run backward, and what to do."""
     since_us = np.diff(t_us, prepend=last_us)
     steps = np.flatnonzero(since_us < 0)
     by_us, number = -since_us[steps[0]], before + steps[0] - 1
@@ -50,7 +49,7 @@ def fault(t_us: np.ndarray, last_us: int, before: int) -> str:
 
 
 def timely_events(chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
-    """Pass chunks that hold events on; ValueError at a time that no clock shows."""
+    """Pass on chunks that hold events; raises ValueError at a time that no clock shows."""
     for chunk in chunks:
         if len(chunk):
             check_times(chunk["t_us"])
@@ -58,7 +57,7 @@ def timely_events(chunks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
 
 
 def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
-    """Pass ``(t_us, frame)`` on; ValueError at a time that no clock shows."""
+    """Pass ``(t_us, frame)`` on; raises ValueError at a time that no clock shows."""
     for t_us, frame in frames:
         check_times(t_us)
         yield t_us, frame
@@ -67,7 +66,7 @@ def timely_frames(frames: Iterable) -> Iterator[tuple[int, np.ndarray]]:
 def checked_events(
     chunks: Iterable[np.ndarray], size_px: tuple[int, int], name: str | None = None
 ) -> Iterator[np.ndarray]:
-    """Pass chunks on, `in_order`; ValueError, with a remedy, where a pixel is not the sensor's."""
+    """Pass chunks on, `in_order`; raises ValueError, with a remedy, if an event lies outside the sensor."""
     return in_order(_on_sensor(chunks, size_px), name)
 
 
@@ -85,7 +84,7 @@ def _on_sensor(chunks: Iterable[np.ndarray], size_px: tuple[int, int]) -> Iterat
 
 
 def checked_frames(frames: Iterable, size_px: tuple[int, int]) -> Iterator[tuple[int, np.ndarray]]:
-    """Pass ``(t_us, frame)`` on; ValueError, with the remedy, where time runs backward or a size differs."""
+    """Pass ``(t_us, frame)`` on; raises ValueError, with a remedy, if time runs back or a size differs."""
     last_us, shape = None, (size_px[1], size_px[0], 3)
     for k, (t_us, frame) in enumerate(frames):
         if frame.shape != shape or frame.dtype != np.uint8:

@@ -24,7 +24,15 @@ from .limits import MAX_ESTIMATES_BYTES, MAX_POSITION_M, MAX_TRUTH_BYTES, check_
 
 
 def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
-    """Write ``csv`` (T_cam_port, microseconds) or ``tum`` (camera in the port's frame, seconds)."""
+    """Write ``csv`` (T_cam_port, microseconds) or ``tum`` (camera in the port's frame, seconds).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    ValueError
+        If ``format`` is neither of the two.
+    """
     if format not in ("csv", "tum"):
         raise ValueError(f"format: expected 'csv' or 'tum', got {format!r}")
     T = trajectory.poses if format == "csv" else trajectory.poses.inverse
@@ -39,7 +47,7 @@ def write_trajectory(trajectory: Trajectory, path, format: str = "csv") -> None:
 
 
 def tum_line(t_us: int, T_cam_port: Pose) -> str:
-    """One pose as `write_trajectory` writes it."""
+    """One pose as a line of TUM, as `write_trajectory` writes it."""
     return _tum_line(int(t_us), _pose_rows(T_cam_port.inverse[None])[0])
 
 
@@ -48,8 +56,11 @@ def _tum_line(t_us: int, pose: list[str]) -> str:
 
 
 def read_trajectory(path, format: str | None = None) -> Trajectory:
-    """Read what `write_trajectory` wrote: by default TUM when it ends in .txt or .tum and does not begin as
-    our CSV.  Of a table of estimates it is the poses that are ``ok``."""
+    """Read what `write_trajectory` wrote; raises `InputError`.
+
+    By default a file is TUM if its name ends in .txt or .tum or its lines have eight words, unless it begins
+    like our CSV.  From a table of estimates, take the poses that are ``ok``.
+    """
     text = read_text(path, MAX_TRUTH_BYTES)
     return parse_trajectory(text, path, format or _format_of(text, Path(path)))
 
@@ -63,7 +74,7 @@ def _format_of(text: str, path: Path) -> str:
 
 
 def parse_trajectory(text: str, path, format: str) -> Trajectory:
-    """The trajectory of a file's text; `InputError` names ``path``."""
+    """Parse the trajectory in a file's text; raises an `InputError` that names ``path``."""
     try:
         if format == "tum":
             lines = [line.split() for line in text.splitlines()]
@@ -83,13 +94,15 @@ def parse_trajectory(text: str, path, format: str) -> Trajectory:
 
 
 def read_truth(path) -> Trajectory:
-    """A trajectory to compare with: as `read_trajectory`, of at least two poses, as close together as a unit
-    of time that it may have makes them; a warning says what is doubtful."""
+    """Read a ground truth: as `read_trajectory`, with at least two poses at plausible intervals.
+
+    A warning says what is doubtful; raises `InputError`.
+    """
     text = read_text(path, MAX_TRUTH_BYTES)
     form = _format_of(text, Path(path))
     trajectory = parse_trajectory(text, path, form)
     if len(trajectory) < 2:
-        raise InputError(f"{path}: has {len(trajectory)} poses, a truth needs two; name another trajectory")
+        raise InputError(f"{path}: expected two poses or more, got {len(trajectory)}; give another truth")
     if check_step := plugins.reader("truth_step"):  # whether another program wrote times of another unit
         check_step(path, float(np.median(np.diff(trajectory.t_us))) * 1e-6, "us" if form == "csv" else "s")
     if form == "csv" and "status" in text.partition("\n")[0].split(","):
@@ -100,7 +113,7 @@ def read_truth(path) -> Trajectory:
 @checked
 def write_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
     """Write one line per estimate: time, status, pose, scores, ellipse, the rival's pose and that of the
-    printed formula, certainty, and the upper triangle of the pose's covariance.
+    printed formula, certainty, and the upper triangle of the pose's covariance.  Raises `InputError`.
 
     Examples
     --------
@@ -115,7 +128,7 @@ def write_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
 
 
 def as_row(e: Estimate) -> dict:
-    """The line of an estimate, by `COLUMNS`; what it has not is absent."""
+    """The line of an estimate, by `COLUMNS`; what the estimate does not have is absent."""
     row = {"t_us": int(e.t_us), "status": str(e.status)}
     row |= {name: f"{getattr(e, name):.6g}" for name in (*SCORES, *CERTAINTY)}
     row[OUTSIDE] = int(e.outside_training)
@@ -149,7 +162,7 @@ def read_estimates(path: str | Path) -> list[Estimate]:
 
 
 def parse_estimates(text: str, path) -> list[Estimate]:
-    """The estimates of a file's text; `InputError` names ``path``."""
+    """Parse the estimates in a file's text; raises an `InputError` that names ``path``."""
     try:
         return [_estimate(row) for row in _csv_rows(text, ("t_us", "status", *POSE, *SCORES))]
     except (ValueError, KeyError, TypeError, OverflowError, csv.Error) as error:

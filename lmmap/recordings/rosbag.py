@@ -30,7 +30,7 @@ PACKED = {"uint16": "<u2", "bool": "u1", "uint8": "u1", "time": [("s", "<u4"), (
 
 @contextmanager
 def open_bag(path):
-    """A bag's reader; within its block, what damaged bytes raise becomes one `InputError` line."""
+    """Open a bag; within the block, errors from damaged bytes become an `InputError` of one line."""
     path = Path(path)
     remedy = "give a whole ROS 1 bag with dvs_msgs or sensor_msgs: download it again, or run rosbag reindex"
     with input_errors(path, "cannot read this bag", remedy, ERRORS):

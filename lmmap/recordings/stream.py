@@ -1,7 +1,7 @@
 """Recordings as streams: events in chunks and frames one by one, however long the file.
 
 A reader gives a `Source`, the file's values as they are.  A `Stream` adds camera and truth, and checks every
-chunk on its way: nothing behind it has to ask whether time runs forward or coordinates lie on the sensor.
+chunk: no later code has to check whether time runs forward or coordinates lie on the sensor.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CHUNK = 250_000  # events: enough to forget the cost of a call, few enough to st
 
 
 class Guess(Protocol):
-    """Times whose unit a file does not state: their likeliest, and why it may be another, in words."""
+    """Times whose unit a file does not state: the likeliest unit, and why it may be another, in words."""
 
     unit: str
 
@@ -38,12 +38,14 @@ def nothing() -> Iterator:
 
 @dataclass(frozen=True)
 class Source:
-    """What a reader found: ``events()`` yields chunks (M,) EVENT in the file's order, ``frames()`` yields
-    ``(t_us, (H, W, 3) u8)``; each call starts anew.  ``size_px`` and ``span_us`` (first and last time) are
-    None where the file does not say.  Both iterators raise `InputError` for what cannot be read.
-    ``details()`` is what else the file says: its encoding, its topics, its frames' ``exposure_ms``.
-    ``cameras()`` are its own calibrations by name, as it has them; ``topics`` name its streams; ``guessed``
-    are times whose unit it does not state."""
+    """What a reader found in a file.
+
+    ``events()`` yields chunks (M,) EVENT in the file's order, ``frames()`` yields ``(t_us, (H, W, 3) u8)``;
+    each call starts anew, and both raise `InputError` for what cannot be read.  ``size_px`` and ``span_us``
+    (first and last time) are None if the file does not state them.  ``details()`` is what else it states: its
+    encoding, its topics, its frames' ``exposure_ms``.  ``cameras()`` are its own calibrations by name, in its
+    own form; ``topics`` name its streams; ``guessed`` describes times whose unit it does not state.
+    """
 
     path: Path
     size_px: tuple[int, int] | None = None
@@ -58,9 +60,9 @@ class Source:
 
 @dataclass(frozen=True)
 class Stream:
-    """One camera's recording, read as it is used; what `Recording` holds, this yields.
+    """One camera's recording, read while it is used: it yields what a `Recording` holds.
 
-    ``camera`` is None where there is no calibration and none was asked for: such a stream is unchecked.
+    ``camera`` is None if there is no calibration and none was needed; such a stream is unchecked.
     """
 
     name: str
@@ -71,7 +73,7 @@ class Stream:
     flips: Mapping[str, str] = field(default_factory=dict)  # by modality, as readers name them
 
     def chunks(self) -> Iterator[np.ndarray]:
-        """Chunks (M,) EVENT in the order of time; raises `InputError` at the first fault."""
+        """Yield chunks (M,) EVENT in time order; raises `InputError` at the first fault."""
         if not self.checked:
             return self._with_file_name(timely_events(self.source.events()))
         chunks = checked_events(self.source.events(), self.camera.size_px, str(self.source.path))
@@ -81,7 +83,7 @@ class Stream:
         return self._with_file_name(chunks)
 
     def timed_frames(self) -> Iterator[tuple[int, np.ndarray]]:
-        """``(t_us, (H, W, 3) u8)`` in the order of time; raises `InputError` at the first fault."""
+        """Yield ``(t_us, (H, W, 3) u8)`` in time order; raises `InputError` at the first fault."""
         eight_bit = plugins.reader("depth")  # of 16 bits a value, as no camera of ours writes
         path, frames = self.source.path, cast(Any, self.source.frames)
         frames = timely_frames(eight_bit(path, frames) if eight_bit else frames())
@@ -98,7 +100,7 @@ class Stream:
             raise InputError(f"{self.source.path}: {error}") from None
 
     def collect(self) -> Recording:
-        """The whole recording in memory."""
+        """Read the whole recording into memory; raises `InputError` at the first fault."""
         events = concatenate_events(self.chunks())
         timed = list(self.timed_frames())
         width, height = self.camera.size_px
@@ -117,14 +119,14 @@ DAMAGE: Errors = (OSError, EOFError, ValueError, OverflowError, MemoryError, str
 
 @contextmanager
 def input_errors(path: Path, problem: str, remedy: str, errors: Errors = ()):
-    """What damaged bytes raise in a reader becomes one `InputError` line.
+    """Turn what damaged bytes raise in a reader into an `InputError` of one line.
 
     Parameters
     ----------
     problem, remedy
         What is wrong with the file as a whole, and what to do about it.
     errors
-        What the format's library raises besides `DAMAGE`.  Other errors are ours, and pass.
+        What the format's library raises besides `DAMAGE`.  Other errors are ours and propagate.
     """
     try:
         yield
@@ -134,9 +136,11 @@ def input_errors(path: Path, problem: str, remedy: str, errors: Errors = ()):
 
 
 def reader(problem: str, remedy: str, errors: Errors = ()):
-    """Decorate a function from a path to a `Source`, or to None for what another reader knows.
+    """Decorate a function from a path to a `Source`, or to None for what another reader can read.
 
-    `input_errors` of what damaged bytes raise in it, and later in the source's events, frames and details."""
+    Errors from damaged bytes, in it and later in the source's events, frames and details, become
+    `input_errors`.
+    """
 
     def decorate(read: Callable[..., Source | None]) -> Callable[..., Source | None]:
         @wraps(read)
@@ -162,9 +166,9 @@ def reader(problem: str, remedy: str, errors: Errors = ()):
 
 
 def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.ndarray]:
-    """The same events in chunks of at least ``count``, but for the last: files come in packets of a few.
+    """Yield the same events in chunks of at least ``count``, except the last: files hold small packets.
 
-    Where the batches end in an error, the events before it come before it.
+    If the batches end in an error, the events before it are yielded first.
     """
     waiting, size = [], 0
     try:
@@ -183,5 +187,5 @@ def in_chunks(batches: Iterable[np.ndarray], count: int = CHUNK) -> Iterator[np.
 
 
 def pieces(array: np.ndarray, count: int) -> Iterator[np.ndarray]:
-    """An array in runs of at most ``count``."""
+    """Yield an array in pieces of at most ``count``."""
     return (array[i : i + count] for i in range(0, len(array), count))

@@ -1,4 +1,4 @@
-"""The ring's contour below a pixel: sampled from the soft mask, free of lens distortion.
+"""The ring's contour to a fraction of a pixel: sampled from the soft mask, free of lens distortion.
 
 Points are measured on the mask as the lens made it and undistorted one by one; an ellipse cannot be,
 because distortion bends it into something else.
@@ -33,9 +33,9 @@ class Contour:
     """An ellipse and the points (M, 2) it was fitted to, both undistorted, with the points' standard
     deviation about it in pixels.
 
-    ``score`` is the mask's mean along it, ``arc_coverage`` the share of it that has points of the ring.
-    Where the mask has a stroke, ``width`` is the stroke's in radii, and ``edges`` are the inner and the outer
-    edge, apart.
+    ``score`` is the mask's mean along the ellipse, ``arc_coverage`` the fraction of it on which points of the
+    ring lie.  If the mask has a stroke, ``width`` is its width in radii, and ``edges`` are its inner and its
+    outer edge.
     """
 
     ellipse: Ellipse
@@ -51,12 +51,12 @@ def trace(
     ellipse: Ellipse, mask, half_width_px: float, camera: Camera | None = None, settings: Settings = OURS,
     rounds: tuple[int, ...] = (2, 2),
 ) -> Contour | None:  # fmt: skip
-    """Both edges of a soft mask's stroke and the middle between them, started from a nearby ellipse; None
-    where there is no stroke.
+    """Trace both edges of a soft mask's stroke and the middle between them, starting from a nearby ellipse;
+    return None if there is no stroke.
 
-    Samples the mask along rays from the ellipse's centre, finds where each profile falls to half its height
-    to either side, and refits the ellipse to the middles, as often as there are ``rounds``.  What is fainter
-    than half of the ring beside it moves no edge, and a point counts by the square of the slope there.  Rays
+    Sample the mask along rays from the ellipse's centre, find where each profile falls to half its height on
+    either side, and refit the ellipse to the midpoints, once for each of ``rounds``.  Anything fainter than
+    half of the ring beside it moves no edge, and a point is weighted by the square of the slope there.  Rays
     without a stroke, or with a width unlike the others' (a second blob, an occluder), don't count; with too
     few good rays there is no stroke.
 
@@ -157,7 +157,7 @@ def score(ellipse: Ellipse, mask, camera: Camera | None = None) -> float:
 
 
 def from_points(ellipse: Ellipse, points_px) -> Contour:
-    """The contour that points (M, 2), found elsewhere to lie on an ellipse, are."""
+    """Make a contour from an ellipse and points (M, 2) that are already known to lie on it."""
     x, theta, _, scale = _normalise(np.asarray(points_px, float), ellipse)
     return Contour(ellipse, points_px, float(scale * np.sqrt(np.mean(sampson_distance(theta, x) ** 2))))
 

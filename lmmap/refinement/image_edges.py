@@ -1,8 +1,8 @@
-"""Refines a pose on the image itself: where its edges are, not where the networks' masks say.
+"""Refine a pose on the image's own edges instead of the networks' masks.
 
-The outline is the ring's two edges, the plate's rim and the petals' tips.  Along each point's normal the
-strongest edge near by is sought, and one Gauss-Newton step after another brings the outline there, held by
-the pose before with its covariance.
+The outline is the ring's two edges, the plate's rim and the petals' tips.  Along each point's normal, the
+strongest edge nearby is sought, and Gauss-Newton steps move the outline there, with the previous pose and its
+covariance as a prior.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ def refine(
     T_cam_port: Pose, higher: float, covariance, strength, port: Port, camera: Camera,
     settings: Settings = OURS,
 ) -> tuple[Pose, float, np.ndarray]:  # fmt: skip
-    """A pose, by how many tolerances the plate is higher, and their covariance (7, 7), after the edges have
-    been taken into account.
+    """Refine a pose and the plate's excess height, in tolerances, on the edges; return both with their
+    covariance (7, 7).
 
     Parameters
     ----------
     higher, covariance : float, (7, 7)
-        The same before, conventions of `JointFit`.
+        The plate's height and the covariance before, conventions of `JointFit`.
     strength : (H, W)
         Edges of the image, in units of those around them (`outline.edges`).
 
     Notes
     -----
-    Edges look wider or narrower than they are, by lens and glare: how far the ring's two edges are off
-    outward, and the plate's, are two more unknowns.  An edge `edge_reach_px` away has no say.  With too few
-    edges (`min_edges`) the pose stays as it is.
+    Lens and glare make parts look wider or narrower than they are, so the outward offset of the ring's edges
+    and that of the plate's are two more unknowns.  An edge `edge_reach_px` away has no influence.  With too
+    few edges (`min_edges`) the pose stays as it is.
     """
     points_m, outward_m, on_ring = _outline(port)
     rise_m = port.plate_height_tolerance * port.plate_height_m * np.array([0, 0, 1.0]) * ~on_ring[:, None]

@@ -1,7 +1,7 @@
 """Joint refinement of a pose against both masks: the ring's contour and the markers' edges.
 
-The ring alone fixes five degrees of freedom, and tilt badly head-on.  The markers stand above its plane,
-so a turn shifts them against the ring: their edges add what the ring lacks.
+The ring alone fixes five degrees of freedom, but seen head-on its tilt only poorly.  The markers stand above
+its plane, so a rotation shifts them against the ring: their edges add what the ring lacks.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _TURNS = np.stack([np.eye(3), *map(single_rotation_matrix, STEPS[:, 3:])])
 
 
 class RingEdge(NamedTuple):
-    """Points (M, 2) of an edge of the ring, undistorted, and the standard deviation (M,) of each; its radius,
-    and its side: -1 of the inner edge, 1 of the outer one, 0 of a centre line."""
+    """Undistorted points (M, 2) of an edge of the ring, the standard deviation (M,) of each, the edge's
+    radius and its side: -1 for the inner edge, 1 for the outer one, 0 for a centre line."""
 
     points_px: np.ndarray
     sigma_px: np.ndarray
@@ -41,9 +41,9 @@ class RingEdge(NamedTuple):
 
 @dataclass(frozen=True)
 class JointFit:
-    """Refined pose; by how many of their tolerances (2,) the plate's height and the markers' radius seem to
-    be off; the covariance (7, 7) of pose (conventions of `uncertainty`) and height; and how many edge points
-    of markers took part."""
+    """The refined pose; how far the plate's height and the markers' radius deviate, in units of their
+    tolerances (2,); the covariance (7, 7) of pose (conventions of `uncertainty`) and height; and the number
+    of the markers' edge points that were used."""
 
     T_cam_port: Pose
     port_off: np.ndarray
@@ -53,12 +53,12 @@ class JointFit:
 
 def refine(T_cam_port: Pose, ring: Sequence[RingEdge], reflector_mask, port: Port, camera: Camera,
            marker_sigma_px: float, settings: Settings = OURS) -> JointFit | None:  # fmt: skip
-    """Gauss-Newton on the ring's edges and the markers' edge points, each in units of its own standard
-    deviation; None where too few edges of markers are seen to add anything.
+    """Refine a pose by Gauss-Newton on the ring's edges and the markers' edge points, each in units of its
+    own standard deviation; return None if too few edges of markers are seen to add anything.
 
     Edges are measured across the projected sides of the markers, with Tukey's weights.  Further unknowns
-    are the plate's height, the markers' radius and the ring's width within the port's tolerances, and how
-    far the markers' mask is wider or narrower than they are on all sides alike.
+    are the plate's height, the markers' radius and the ring's width within the port's tolerances, and by how
+    much the markers' mask is wider or narrower than the markers, equally on all sides.
     """
     mask = np.ascontiguousarray(reflector_mask, np.float32)
     sides_m = _side_points_m(port)
@@ -109,8 +109,8 @@ def _ring_rows(steps: Pose, ring: Sequence[RingEdge], port: Port, camera: Camera
 
 
 def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> float:
-    """How far markers, seen from a pose, lie from where the port has them, if its height and radius are off
-    by this many tolerances (2,); root mean square."""
+    """Root-mean-square distance (px) at a pose between the markers and where the port's geometry puts them,
+    if its height and radius deviate by ``port_off`` (2,) tolerances."""
     moved_m, _ = _side_points_m(port)
     off_m = np.tensordot(port_off, moved_m[1:] - moved_m[0], 1)
     at, there = project_points(T_cam_port, np.stack([moved_m[0], moved_m[0] + off_m]), camera)
@@ -118,13 +118,14 @@ def markers_off_px(T_cam_port: Pose, port_off, port: Port, camera: Camera) -> fl
 
 
 def inflate(covariance, marker_score, inflation: float = 1.0, fading: float = 2.0) -> np.ndarray:
-    """A covariance (..., 6, 6), times ``inflation`` where the markers' score (...) is 1, and more where they
-    are faint: as 1 / score to the power ``fading``.  On masks a standard deviation is as 1 / score."""
+    """Scale a covariance (..., N, N) by ``inflation`` at a markers' score (...) of 1, and by more if the
+    markers are faint: as 1 / score to the power ``fading``.  On masks, a standard deviation scales as
+    1 / score."""
     return np.asarray(covariance) * (inflation / np.power(marker_score, fading))[..., None, None]
 
 
 def move_by_each_step(T: Pose) -> Pose:
-    """A pose, and that moved by each of `STEPS`, (7,)."""
+    """A pose and the same pose moved by each of `STEPS`, shape (7,)."""
     return Pose(_TURNS @ T.rotation, T.position_m + _SHIFTS_M)
 
 

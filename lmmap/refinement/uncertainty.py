@@ -4,7 +4,7 @@ A covariance (6, 6) is of (dx, dy, dz, rx, ry, rz) in metres and radians, all al
 the true pose is p = p_hat + (dx, dy, dz) and R = exp([r]x) R_hat (a left perturbation of T_cam_port's
 rotation; position and rotation apart, not a twist).
 
-The pose is a bad coordinate head-on: there the two solutions merge and their Jacobian loses rank.  The
+Head-on, the pose is a poor parametrisation: the two solutions merge and their Jacobian loses rank.  The
 cone of lines of sight is a good one everywhere.  With eigenvalues l1 >= l2 > 0 > l3, eigenvectors e1,
 e2, e3 and m = (l1 + l2) / 2, its chart is (y1, y2, s, w1, w2): the axis e3 turned toward e1 and e2,
 s = log(m / -l3) / 2, and w = (l1 - l2) / (m - l3) as a vector at twice its azimuth about e3, so that
@@ -28,14 +28,14 @@ NODES, WEIGHTS = hermegauss(9)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What `pose_uncertainty` says of a circle's pose.
+    """Uncertainty of a circle's pose, as `pose_uncertainty` computes it.
 
     Attributes
     ----------
     chart : (5, 5)
         Covariance of its cone's chart.
     tilt_sigmas : float
-        Distance of w from 0, where the circle would be seen head-on, in standard deviations.
+        Distance of w from 0, at which the circle is seen head-on, in standard deviations.
     """
 
     T_cam_port: Pose
@@ -84,7 +84,7 @@ class Uncertainty:
 
 
 def information(T_cam_port: Pose, points_px, radius_m: float, camera: Camera) -> np.ndarray:
-    """Fisher information (5, 5) about the chart of a circle's cone in contour points (M, 2), undistorted,
+    """Fisher information (5, 5) of undistorted contour points (M, 2) about the chart of a circle's cone,
     for independent noise of 1 px across the contour; its inverse is the Cramer-Rao bound.
 
     A change dQ of the cone moves the contour by x' dQ x / |grad x' Q x|.
@@ -143,14 +143,15 @@ def pose_uncertainty(T_cam_port: Pose, points_px, sigma_px: float, radius_m: flo
 def cone_chart(
     T_cam_port: Pose, radius_m: float, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Eigenvalues scaled to l3 = -1, axes, m and |w| of a circle's cone."""
+    """Eigenvalues scaled to l3 = -1, axes, m and |w| of a circle's cone; raises ValueError for a radius that
+    is not positive, or a circle that is not in front of the camera."""
     if not radius_m > 0:
         raise ValueError(f"radius_m: expected a positive number, got {radius_m}")
     eigenvalues, E = cone(circle_conic(T_cam_port, radius_m, camera), camera.K)
     eigenvalues = eigenvalues / -eigenvalues[2]
     near = radius_m * np.sqrt(max(1 - T_cam_port.normal[2] ** 2, 0))  # half the circle's extent in depth
     if not (T_cam_port.position_m[2] > near and eigenvalues[1] > 0):
-        raise ValueError(f"T_cam_port: expected a circle before the camera, got {T_cam_port.position_m} m")
+        raise ValueError(f"T_cam_port: expected a circle ahead of the camera, got {T_cam_port.position_m} m")
     m = (eigenvalues[0] + eigenvalues[1]) / 2
     return eigenvalues, E, m, (eigenvalues[0] - eigenvalues[1]) / (m + 1)
 

@@ -1,9 +1,9 @@
 """Does the whole port explain masks and image at a pose?  Evidence for and against it, and a confidence.
 
 The ring's plane is unwrapped to angle and radius about the pose's axis.  There the ring is a straight band
-between two edges whose radii are known, hidden where plate or petals stand before it.  An ellipse that joins
-an arc of the ring to the edge of a shadow has a part of the mask inside it, and the image has no inner edge
-where it should.  Markers that are not what the mask holds speak against the yaw.
+between two edges whose radii are known, hidden where plate or petals stand in front of it.  An ellipse that
+joins an arc of the ring to the edge of a shadow has a part of the mask inside it, and the image lacks the
+inner edge where it should be.  Markers that do not match the mask are evidence against the yaw.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ TOUCHING_M = 0.001  # along a ray: a part so little before a point touches it, a
 
 
 def hidden(points_m, eye_m, port: Port) -> np.ndarray:
-    """Whether plate or petals stand between points (N, 3) and an eye (3,), both in the port frame, (N,).
+    """Whether plate or petals stand between points (N, 3) and an eye (3,), both in the port frame (m), (N,).
 
-    The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite to it.
+    The plate is a regular polygon that has, for each marker, a side with a petal and a side opposite it.
     Its windows hide nothing.
     """
     petal = (*port.petal_widths_m, port.petal_rise_m, port.petal_lean_m)
@@ -74,10 +74,10 @@ def _hidden(points, eye, symmetry, apothem, height, petal, window):
 
 
 def ring_evidence(ring_mask, image, T_cam_port: Pose, port: Port, camera: Camera) -> tuple[float, float]:
-    """Mean of a ring mask (H, W) inside the ring, and the share of its inner edge that the image shows.
+    """Mean of a ring mask (H, W) inside the ring, and the fraction of its inner edge that the image shows.
 
-    Both are of the angles at which the port does not hide the ring.  An edge is shown where the image changes
-    more, or a histogram holds more events, at the edge's radius than beside it.
+    Both are taken over the angles at which the port does not hide the ring.  An edge counts as shown if the
+    image changes more, or a histogram holds more events, at the edge's radius than beside it.
     """
     points_m = _ring_plane_m(port)
     seen = ~hidden(points_m[:, -2], T_cam_port.inverse.position_m, port)
@@ -104,7 +104,7 @@ def _light(image) -> np.ndarray:
 
 
 def marker_evidence(reflector_mask, T_cam_port: Pose, port: Port, camera: Camera) -> float:
-    """Share of a reflector mask (H, W) about the port's axis that lies on the markers or their blur."""
+    """Fraction of a reflector mask (H, W) around the port's axis that lies on the markers or their blur."""
     points_m, on_markers = _marker_plane(port)
     value = sample(reflector_mask, project_points(T_cam_port, points_m, camera))
     return float(value[on_markers].sum() / max(value.sum(), 1e-6))
@@ -114,11 +114,11 @@ def evidence(
     T_cam_port: Pose, covariance, markers_off_px: float, log_odds: float, image, ring_mask, reflector_mask,
     port: Port, camera: Camera,
 ) -> np.ndarray:  # fmt: skip
-    """What speaks for a pose, shape (6,): the first `OF_RING` of the ring, the last two of the yaw.
+    """Evidence for a pose, shape (6,): the first `OF_RING` values concern the ring, the last two the yaw.
 
-    Logarithm of the position's standard deviation along its worst direction (m), `ring_evidence`, how far
-    the markers are off where the port has them (px), the log odds of normal and yaw (`YawFit.log_odds`),
-    `marker_evidence`.
+    They are the logarithm of the position's standard deviation along its worst direction (m), the two of
+    `ring_evidence`, the distance of the markers from where the port's geometry puts them (px), the log odds
+    of normal and yaw (`YawFit.log_odds`), and `marker_evidence`.
     """
     variance = np.linalg.eigvalsh(np.asarray(covariance)[:3, :3])[-1]
     return np.array([
@@ -131,15 +131,15 @@ def evidence(
 
 
 def confidence(evidence, settings: Settings = OURS) -> np.ndarray:
-    """Probability (...) that a pose is right, of its evidence (..., 6): that position and normal are, times
-    that the yaw is if they are, each logistic."""
+    """Probability (...) that a pose is right, given its evidence (..., 6): the probability of position and
+    normal, times that of the yaw given these, each a logistic function."""
     evidence = np.asarray(evidence)
     ring, of_yaw = settings.confidence_ring, settings.confidence_yaw
     return logistic(evidence[..., :OF_RING], ring) * logistic(evidence[..., OF_RING - 1 :], of_yaw)
 
 
 def logistic(x, weights) -> np.ndarray:
-    """Probabilities (...) of x (..., K) with a constant and slopes (K + 1,)."""
+    """Logistic probabilities (...) of x (..., K), with a constant and slopes as ``weights`` (K + 1,)."""
     return 1 / (1 + np.exp(-np.clip(weights[0] + np.asarray(x) @ np.asarray(weights[1:]), -50, 50)))
 
 

@@ -1,7 +1,7 @@
 """Poses between images, from events alone.
 
-An image's pose is old when it comes: its events were counted for a while, and then it was computed.
-Meanwhile `edge_information` makes of a few thousand events one matrix and one vector for the Kalman filter.
+An image's pose is old when it arrives: first its events were accumulated, then it was computed.  Meanwhile
+`edge_information` turns a few thousand events into one matrix and one vector for the Kalman filter.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ SAME_VIEW_S = 0.01  # so long, plate and petals hide the same pieces of edges
 
 
 class Between:
-    """A track that estimates of images and the events between them correct, each at its own time.
+    """A track that is corrected by estimates of images and by the events between them, each at its own time.
 
-    Estimates may be older than events that were taken before: then the track goes back to their time, and
-    takes again what the events have said since.
+    Estimates may be older than events already used: the track then returns to their time and applies the
+    information from later events again.
 
     Parameters
     ----------
     camera, port
-        Of the events.
+        Those that the events are from.
     settings
         Default: ``OURS.between``.
     """
@@ -47,7 +47,7 @@ class Between:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the track and what events said of it."""
+        """Forget the track and all information from events."""
         self._fusion = Fusion(self.port.yaw_period_rad, self.settings.motion)
         self._past: deque[tuple[MotionState, EdgeInformation | None]] = deque()
         self._image_us: int | None
@@ -67,13 +67,13 @@ class Between:
 
     @property
     def first_us(self) -> int | float:
-        """The earliest time that can be asked for: that of the last estimate taken, within `MEMORY_S`."""
+        """The earliest time (us) that can be queried: that of the last estimate taken, within `MEMORY_S`."""
         known = [self._image_us] * (self._image_us is not None) + [s.t_us for s, _ in list(self._past)[:1]]
         return max(cast(list[int], known), default=-np.inf)
 
     @property
     def seen_us(self) -> int | float:
-        """The time of the last estimate that the track took."""
+        """The time (us) of the last estimate that the track accepted."""
         return max(self._fusion.seen_us.values(), default=-np.inf)
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
@@ -82,7 +82,7 @@ class Between:
         Raises
         ------
         ValueError
-            As there, and for a time before the last estimates' or beyond `MEMORY_S`.
+            As there, and for a time before the last estimates or older than `MEMORY_S`.
         """
         t_us = min(e.t_us for e in estimates.values())
         with self.before(t_us) as fusion:
@@ -91,8 +91,8 @@ class Between:
 
     @contextmanager
     def before(self, t_us: int) -> Iterator[Fusion]:
-        """The track as it was known at a time, to be asked or corrected; what events have said since is taken
-        again afterwards.
+        """Give the track as it was known at a time, to be queried or corrected; information from later events
+        is applied again afterwards.
 
         Raises
         ------
@@ -116,10 +116,10 @@ class Between:
             self._fusion.state = self.state
 
     def events(self, events) -> int:
-        """Take events (M,) EVENT in the order of time; returns how many updates they made.
+        """Take events (M,) EVENT in time order; return how many updates they made.
 
-        An update takes those of ``settings.period_us``.  The last ones wait for the next call, as more may
-        belong to their period.
+        An update uses the events of one ``settings.period_us``.  The last ones wait for the next call, since
+        more may belong to their period.
 
         Raises
         ------
@@ -135,14 +135,14 @@ class Between:
         return sum(self._update(piece) for piece in whole)
 
     def at(self, t_us: int) -> Estimate:
-        """The estimate at a time not before `first_us`, by what was known then, as `fusion.Fusion.at`."""
+        """The estimate at a time not before `first_us`, from what was known then, as `fusion.Fusion.at`."""
         if self.state is None or t_us >= self.state.t_us:
             return self._now(self._fusion, t_us)
         with self.before(t_us) as fusion:
             return self._now(fusion, t_us)
 
     def as_late(self, camera: str, e: Estimate, fusion: Fusion) -> Estimate:
-        """An estimate as events of its time would show it: a frame is not late."""
+        """An estimate shifted to what events of its time would show, since events are late and frames not."""
         state = fusion.predict(e.t_us)
         if camera == "event" or state is None or e.T_cam_port is None:
             return e

@@ -18,12 +18,12 @@ from .motion_model import MotionState
 
 
 def expected_ring(state: MotionState, setup: Setup) -> Expected | None:
-    """The ring of a predicted state in the pixels of a camera; None if it is not all before the
-    camera, or its box is outside the image.
+    """The ring of a predicted state in the pixels of a camera; None if part of it is behind the camera, or
+    its box is outside the image.
 
-    The ring's box holds the strip in which the contour is traced, and ``crop_sigmas`` standard deviations of
-    the ring's points: to first order, a pixel that depends on the pose as J has the variance diag(J P J').
-    That of the markers is about both poses that the expected ellipse leaves open.
+    The ring's box holds the strip in which the contour is traced, widened by ``crop_sigmas`` standard
+    deviations of the ring's points: to first order, a pixel with the Jacobian J by the pose has the variance
+    diag(J P J').  The markers' box covers both poses that the expected ellipse allows.
     """
     port, camera, settings = setup.port, setup.camera, setup.settings
     points_px, sigma_px = ring_spread_px(state, port, camera)
@@ -41,8 +41,8 @@ def expected_ring(state: MotionState, setup: Setup) -> Expected | None:
 
 
 def ring_spread_px(state: MotionState, port: Port, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Points (36, 2) of the ring of a state, and their standard deviations along u and v; not finite where
-    one is behind the camera."""
+    """Points (36, 2) of a state's ring in pixels, and their standard deviations along u and v; not finite for
+    a point behind the camera."""
     poses = _standard_deviations(state)
     points_px = project_points(poses, circle_points_m(port.ring_radius_m, 36), camera)  # (7, 36, 2)
     return points_px[0], np.sqrt(np.sum((points_px[1:] - points_px[0]) ** 2, 0))

@@ -1,7 +1,7 @@
 """Whether the poses of two cameras agree, each by its own images.
 
-A sensor that is mirrored or turned, or whose clock is another one, gives poses that look right one by one,
-and that contradict those of the other camera throughout.
+A sensor that is mirrored or rotated, or runs on another clock, gives poses that look right one by one but
+contradict those of the other camera throughout.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ TOLD = 3  # pairs of poses that contradict each other, from which on it is said
 
 
 class Discord:
-    """Counts pairs of poses, one of each camera, that agree and that contradict each other.
+    """Counts pairs of poses, one from each camera, that agree and that contradict each other.
 
-    A pair contradicts itself if it keeps no gate over the time between them, and is farther apart than a
-    right pose may be off.  One whose rival keeps it counts for nothing.
+    The poses of a pair contradict each other if they fail the gate over the time between them and differ by
+    more than a right pose may be off.  A pair in which only the rival passes the gate is not counted.
     """
 
     def __init__(self, yaw_period_rad: float, settings: Settings = OURS):
@@ -55,17 +55,17 @@ class Discord:
 
     @property
     def is_throughout(self) -> bool:
-        """Whether far more pairs contradict themselves than agree: then no pose is to be believed."""
+        """Whether far more pairs contradict each other than agree, so that no pose can be trusted."""
         return self.contradicted > 2 * self.agreed
 
     def judged(self, e: Estimate) -> Estimate:
-        """The estimate, ``unsure`` where there is discord throughout."""
+        """The estimate, made ``unsure`` if the cameras contradict each other throughout."""
         if e.T_cam_port is None or not self.is_throughout:
             return e
         return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port)
 
     def tell(self, name: str) -> None:
-        """A warning where there is discord throughout."""
+        """Warn if the cameras contradict each other throughout."""
         if self.is_throughout and self.contradicted >= TOLD:
             pairs = f"{self.contradicted} of {self.contradicted + self.agreed} pairs"
             text = f"the two cameras' poses contradict each other in {pairs}, so none is ok"
@@ -74,8 +74,8 @@ class Discord:
 
 
 def watched(answers: Iterable[tuple], discord: Discord, name: str) -> Iterator[tuple]:
-    """``(image, estimate)`` as they come, ``unsure`` while the cameras contradict each other throughout; a
-    warning at the end says so.  The first answers wait until two poses have been compared."""
+    """Pass ``(image, estimate)`` on, ``unsure`` while the cameras contradict each other throughout; a warning
+    at the end says so.  The first answers wait until two poses have been compared."""
     waiting = []
     for image, e in answers:
         waiting.append((image, e))

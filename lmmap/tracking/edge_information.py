@@ -1,6 +1,6 @@
-"""What events say of the port's pose.
+"""Information from events about the port's pose.
 
-Each event near an edge of the port says where that edge is now: across the edge, and nothing along it.  With
+Each event near an edge of the port measures where that edge is now, across the edge but not along it.  With
 the distance e (px) from a piece of the predicted edge to its events, and the piece's row h of
 `edges.Edges.jacobian`,
 
@@ -24,8 +24,7 @@ from .motion_model import POSE, RATE, MotionState, repetition
 
 @dataclass(frozen=True)
 class EdgeInformation:
-    """What ``events`` events around a time say of the pose: information (6, 6) and vector (6,) about
-    ``T_cam_port``."""
+    """Information (6, 6) and vector (6,) about ``T_cam_port`` from a number of ``events`` around a time."""
 
     t_us: int
     T_cam_port: Pose
@@ -34,7 +33,7 @@ class EdgeInformation:
     events: int
 
     def update(self, state: MotionState) -> MotionState:
-        """A state of an earlier time, predicted and corrected."""
+        """Predict a state from an earlier time to this one, and correct it."""
         state = state.predict(self.t_us)
         off = step_between(self.T_cam_port, state.T_cam_port)
         return state.inform(self.information, self.vector - self.information @ off)
@@ -43,12 +42,13 @@ class EdgeInformation:
 def edge_information(
     events, state: MotionState, visible: np.ndarray, finder: EdgeFinder, settings: BetweenSettings
 ) -> EdgeInformation | None:
-    """What events (M,) of a short time say about a predicted pose; None where no edge is known well enough.
+    """Information from events (M,) of a short time about a predicted pose; None if no edge is known well
+    enough.
 
-    A piece of an edge that is ``visible`` (B,) counts while its place is known to half a gate, and while it
-    moves for sure: one that stands still makes no events.  Its motion says which polarity they have.  Clutter
-    has both: what the other polarity holds is taken away from the events' number n and from the sum of their
-    distances, so that their mean has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
+    A ``visible`` (B,) piece of an edge counts if its position is known to half a gate and if it surely moves,
+    because one that stands still makes no events.  Its motion determines their polarity.  Clutter has both
+    polarities, so the other polarity's events are subtracted from the number n of events and from the sum of
+    their distances; the mean then has the variance sigma^2 (n + n_other) / (n - n_other)^2 + common^2.
     """
     s, T, P = settings, state.T_cam_port, state.covariance
     J = finder.edges.jacobian(T, finder.camera)

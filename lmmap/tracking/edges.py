@@ -1,4 +1,4 @@
-"""Events at the port's projected edges: which edge an event belongs to, and how far from it it lies.
+"""Events at the port's projected edges: which edge an event belongs to, and its distance from that edge.
 
 Edges are cut into bins.  At a pose, each bin has a point on its edge, the image normal n, which points away
 from the bright side, and the row of the Jacobian
@@ -44,6 +44,7 @@ class Edges:
     @classmethod
     @lru_cache
     def of(cls, port: Port) -> Edges:
+        """The edges of a port."""
         angle = (np.arange(RING_BINS) + 0.5) * (2 * np.pi / RING_BINS) - np.pi
         radial, tangent = _directions(angle)
         points = [port.ring_outer_radius_m * radial, port.ring_inner_radius_m * radial]
@@ -66,7 +67,7 @@ class Edges:
         return cls(*(frozen_array(np.concatenate(parts)) for parts in (points, tangents, outward)))
 
     def visible(self, T_cam_port: Pose, port: Port, camera: Camera) -> np.ndarray:
-        """Bins (B,) that are inside the image and that neither plate nor petals hide."""
+        """Which bins (B,) are inside the image and hidden neither by the plate nor by the petals."""
         with np.errstate(invalid="ignore"):
             pixel = project(T_cam_port @ self.points_m, camera)
             inside = np.all((pixel > 0) & (pixel < np.array(camera.size_px) - 1), -1)
@@ -108,7 +109,7 @@ class EdgeFinder:
         self._rays = bearings(np.stack([u, v], -1), camera)[..., :2].astype(np.float32)
 
     def __call__(self, events, T_cam_port: Pose, usable, gate_px: float):
-        """Events (M,) within ``gate_px`` of the nearest edge at a pose, at bins that are ``usable`` (B,).
+        """Find the events (M,) within ``gate_px`` of the nearest edge at a pose, in ``usable`` (B,) bins.
 
         Returns
         -------

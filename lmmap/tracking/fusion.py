@@ -1,6 +1,6 @@
-"""Estimates of both cameras in one Kalman filter on SE(3) over a constant-velocity `motion`.
+"""Estimates of both cameras in one Kalman filter on SE(3) with the constant-velocity `motion_model`.
 
-A pose that keeps the `gate` about the track corrects it.  Errors of neighbouring images are alike.  With
+A pose that passes the `gate` around the track corrects it.  Errors of successive images are correlated.  With
 correlation rho = exp(-dt / correlation_s), dt since the same camera's last accepted estimate, a pose's
 covariance counts (1 + rho) / (1 - rho) times: then n estimates of a still port are worth what n errors of
 that correlation are, 1 + (n - 1)(1 - rho) / (1 + rho) independent ones.
@@ -10,9 +10,9 @@ the track's belief and of each contradicting pose's confidence, each is right wi
 
     p_k' = o_k / (1 + sum o),
 
-and a pose that is likelier than the track takes its place.  Poses that agree leave the largest probability
-of all, since their errors may have one cause.  A pose whose rival alone keeps the gate contradicts the track
-as well; while the track is likelier, the rival corrects it.
+and a pose that is likelier than the track replaces it.  Poses that agree get the largest of their
+probabilities, since their errors may have one cause.  A pose of which only the rival passes the gate
+contradicts the track as well; while the track is likelier, the rival corrects it.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ STAGES = (Status.NO_RING, Status.NO_ELLIPSE, Status.NO_MARKERS, Status.UNSURE)
 
 
 class Fusion:
-    """A track of the port, fed with estimates in the order of their times, asked at any time after.
+    """A track of the port, fed with estimates in time order, that can be queried at any later time.
 
     Parameters
     ----------
     yaw_period_rad
-        The port's symmetry; estimates count as the nearest of their equals.
+        Period of the port's symmetry; each estimate is turned to the nearest equivalent pose.
 
     Attributes
     ----------
     belief : float
-        Probability that the track follows the port, by the confidences of what agreed and contradicted.
+        Probability that the track follows the port, from the confidences of poses that agreed and disagreed.
     """
 
     def __init__(self, yaw_period_rad: float, motion: MotionSettings = OURS.motion):
@@ -61,15 +61,15 @@ class Fusion:
         self._statuses: dict[str, Status] = {}
 
     def add(self, estimates: Mapping[str, Estimate]) -> None:
-        """Take the estimates of one time, one of each camera that has an image then.
+        """Take the estimates of one time, one from each camera that has an image then.
 
         Each pose is compared with the prediction.  Beyond the gate it contradicts the track, and its
-        ``rival`` may stand in for it.  All that are taken count at once, so their order does not matter.
+        ``rival`` may replace it.  All accepted poses are applied at once, so their order does not matter.
 
         Raises
         ------
         ValueError
-            For different times, or a time before the last.
+            If the times differ, or are before the last.
         """
         times = {e.t_us for e in estimates.values()}
         if len(times) != 1:
@@ -102,7 +102,7 @@ class Fusion:
         self._doubt(belief, contradicting)
 
     def fits(self, e: Estimate) -> bool:
-        """Whether there is a track, and the estimate or its rival keeps the gate about it."""
+        """Whether there is a track, and the estimate or its rival passes the gate around it."""
         track = self.predict(e.t_us)
         both = track is not None and e.T_cam_port is not None
         return both and match(cast(MotionState, track), e, self._turns, self.motion.gate) is not None
@@ -150,10 +150,10 @@ class Fusion:
 @checked
 def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: float | None = None,
          settings: Settings = OURS, name: str = "fuse") -> Iterator[Estimate]:  # fmt: skip
-    """Fuse the estimates of both cameras, ``(camera, estimate)`` in the order of time: one result for each
-    time, or at ``rate_hz`` from the first, from all that came up to then.
+    """Fuse the estimates of both cameras, ``(camera, estimate)`` in time order: one result for each time, or
+    at ``rate_hz`` from the first, from all estimates up to then.
 
-    Their ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
+    The ``confidence`` is the track's belief times the probability, by the covariance, that the pose is
     within the limits of a right one.  Below ``settings.min_fused_confidence`` the status is ``unsure``, as it
     is while the cameras contradict each other throughout (`discord.watched`); a warning that begins with
     ``name`` says so.
@@ -165,7 +165,7 @@ def fuse(timed: Iterable[tuple[str, Estimate]], yaw_period_rad: float, rate_hz: 
     Raises
     ------
     ValueError
-        For a period beyond 1 to 360 degrees, a rate beyond 1e-6 to 1e6 Hz, a pose without covariance or
+        For a period outside 1 to 360 degrees, a rate outside 1e-6 to 1e6 Hz, a pose without covariance or
         confidence, and as `Fusion.add`.
 
     Examples

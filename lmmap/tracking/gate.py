@@ -4,7 +4,7 @@ A pose (p_m, R_m) with covariance S is compared with the track's pose (p, R) of 
 
     y = (p_m - p, log(R_m Rz(k yaw_period) R^T)),    k with the smallest rotation,
 
-and keeps the gate while y' (P + S)^-1 y is no larger than it.
+and passes the gate if y' (P + S)^-1 y is no larger than the gate.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Match(NamedTuple):
 
 
 def match(track: MotionState, e: Estimate, turns: np.ndarray, gate: float) -> Match | None:
-    """How an estimate keeps the gate, or its rival where only that does; None where neither does.
+    """How an estimate, or else its rival, matches the track; None if neither passes the gate.
 
     Parameters
     ----------
     turns : (K, 3, 3)
-        Rotations of the port about its normal that cannot be told apart (`rotations.equal_turns`).
+        Rotations about the port's normal that leave it unchanged (`rotations.equal_turns`).
     gate
         Largest squared Mahalanobis distance.
     """
@@ -51,7 +51,8 @@ def match(track: MotionState, e: Estimate, turns: np.ndarray, gate: float) -> Ma
 
 
 def rotate_covariance(covariance, normal, rival) -> np.ndarray:
-    """A pose's covariance for its rival: rotations are turned as the normal is, by the shortest way."""
+    """Convert a pose's covariance (6, 6) to its rival: the rotation's part turns with the normal, by the
+    shortest rotation."""
     axis, cosine = np.cross(normal, rival), float(normal @ rival)
     cross = np.cross(np.eye(3), axis)  # [axis]x
     turn = np.eye(6)
@@ -60,7 +61,8 @@ def rotate_covariance(covariance, normal, rival) -> np.ndarray:
 
 
 def check_pair(pair) -> tuple[str, Estimate]:
-    """A camera and its estimate; ValueError for anything else, or a pose that no filter can take."""
+    """Return a camera's name and its estimate; raises ValueError for anything else, or for a pose without a
+    valid covariance or confidence."""
     if not (isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[1], Estimate)):
         raise ValueError(f"timed: expected pairs of a camera's name and an Estimate, got {pair!r:.60}")
     camera, e = pair

@@ -1,5 +1,5 @@
-"""A port that moves at nearly constant velocity: its pose and velocity with their covariance, and how both
-go on in time and are corrected by a measured pose.
+"""A port that moves at nearly constant velocity: its pose and velocity with their covariance, how they are
+predicted, and how a measured pose corrects them.
 
 The state is T_cam_port with its velocity v (m/s) and angular rate w (rad/s), all along the camera's axes; its
 covariance (12, 12) is of (position, rotation, v, w), the rotation a left perturbation as in `uncertainty`.
@@ -22,16 +22,16 @@ POSE, RATE = slice(0, 6), slice(6, 12)
 
 
 def repetition(dt_s: float, correlation_s: float) -> float:
-    """What a camera's covariance counts as so soon after its last estimate, since their errors are alike:
-    (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s) times itself."""
+    """Factor on a camera's covariance ``dt_s`` after its last estimate, because their errors are correlated:
+    (1 + rho) / (1 - rho) = coth(dt / 2 correlation_s)."""
     return float(1 / np.tanh(max(dt_s, 1e-6) / (2 * correlation_s))) if correlation_s else 1.0
 
 
 @dataclass(frozen=True)
 class MotionState:
-    """Pose, velocity (6,) and covariance (12, 12) at a time, and what is assumed of the motion.
+    """Pose, velocity (6,) and covariance (12, 12) at a time, and the assumptions about the motion.
 
-    No method changes a state; each returns another one.
+    No method changes a state; each returns a new one.
     """
 
     t_us: int
@@ -42,8 +42,8 @@ class MotionState:
 
     @classmethod
     def start(cls, t_us: int, T_cam_port: Pose, covariance, motion: MotionSettings = OURS.motion):
-        """At a measured pose with its covariance (6, 6), and a velocity of which only the usual size is
-        known."""
+        """Start at a measured pose with its covariance (6, 6), and a velocity of which only the typical
+        magnitude is known."""
         rates = np.repeat([motion.speed_m_s**2, motion.rate_rad_s**2], 3)
         both = np.diag(np.concatenate([np.zeros(6), rates]))
         both[POSE, POSE] = covariance
@@ -51,11 +51,11 @@ class MotionState:
 
     @property
     def pose_covariance(self) -> np.ndarray:
-        """Of ``T_cam_port`` alone, (6, 6)."""
+        """Covariance (6, 6) of ``T_cam_port`` alone."""
         return self.covariance[POSE, POSE]
 
     def predict(self, t_us: int) -> MotionState:
-        """The same at a later time.
+        """Predict the state at a later time.
 
         Raises
         ------
@@ -83,11 +83,11 @@ class MotionState:
         return replace(self, t_us=t_us, T_cam_port=T, covariance=_symmetric(P))
 
     def update(self, T_cam_port: Pose, covariance) -> MotionState:
-        """The same after a measured pose with its covariance (6, 6)."""
+        """The state after a measured pose with its covariance (6, 6)."""
         return self.correct(step_between(self.T_cam_port, T_cam_port), covariance)
 
     def correct(self, y, S) -> MotionState:
-        """The same after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""
+        """The state after a pose measured at y (6,) from this one with covariance S (6, 6); Joseph's form."""
         P = self.covariance
         K = np.linalg.solve(P[POSE, POSE] + S, P[POSE]).T
         keep = np.eye(12)
@@ -98,7 +98,7 @@ class MotionState:
                        covariance=_symmetric(keep @ P @ keep.T + K @ S @ K.T))  # fmt: skip
 
     def inform(self, information, vector) -> MotionState:
-        """The same after measurements h of the pose with ``information`` sum h h' / var, (6, 6), which may be
+        """The state after measurements h of the pose with ``information`` sum h h' / var, (6, 6), possibly
         singular, and ``vector`` sum h y / var, (6,), of their differences y from this pose."""
         P, eye = self.covariance, np.eye(6)
         gain = np.linalg.solve((eye + information @ P[POSE, POSE]).T, P[POSE]).T  # P H' (I + L H P H')^-1

@@ -1,4 +1,4 @@
-"""The paper's outlier filter: an estimate is believed if its neighbours bear it out."""
+"""The paper's outlier filter: an estimate is kept if the preceding ones agree with it."""
 
 from __future__ import annotations
 

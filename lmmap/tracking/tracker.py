@@ -1,9 +1,9 @@
-"""One image after another: the port is looked for where its motion says that it is.
+"""Track the port from image to image: search for it where its motion predicts it.
 
 A track of both cameras, which events between the images correct, predicts the port.  The ring filter runs
-about the predicted ring only, and the predicted ellipse is the first hypothesis for the ring.  What is
-measured there is judged as in any image, and an image without a ring where it was expected is looked at in
-full.
+only around the predicted ring, and the predicted ellipse is the first hypothesis for the ring.  What is
+measured there is judged as in any image; if there is no ring where it was expected, the whole image is
+searched.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MOST_SUPPORT = 2  # images that support a track at most: as many that do not sho
 
 
 class Tracker:
-    """Poses of the port in images of one camera or of both, as they come.
+    """Poses of the port in images of one camera or of both, as they arrive.
 
     Parameters
     ----------
@@ -62,24 +62,24 @@ class Tracker:
 
     @checked
     def __call__(self, image: np.ndarray, t_us: int, wider: tuple[int, np.ndarray] | None = None) -> Estimate:
-        """The pose at the time of an image, by it and by those before.
+        """Estimate the pose at the time of an image, from it and those before.
 
         Parameters
         ----------
         image
             A frame (H, W, 3) or a histogram (H, W), for which there is an estimator.
         t_us
-            Its time, later than that of the camera's last image and not before the other's.
+            Its time (us), later than that of the camera's last image and not before the other's.
         wider
-            Time and histogram of more events, to look at where the first does not show the port.
+            Time (us) and histogram (H, W) of more events, used if the first does not show the port.
 
         Returns
         -------
         Estimate
-            Status ``ok``: the image shows the port, and pose and covariance are of image and track together.
-            ``predicted``: it does not show it where the track says, and both are of earlier images alone.
-            Without a track the status is the image's.  ``confidence`` is always by the image alone.
-            ``unsure`` while two cameras contradict each other throughout (`discord`).
+            Status ``ok``: the image shows the port, and pose and covariance combine image and track.
+            ``predicted``: it does not show the port where the track predicts it, and both come from earlier
+            images alone.  ``unsure``: two cameras contradict each other throughout (`discord`).  Without a
+            track the status is the image's.  ``confidence`` is always from the image alone.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Tracker:
         Raises
         ------
         ValueError
-            For times that go back, and of a tracker without ``events``.
+            If times go back, or the tracker was made without ``events``.
         """
         if not self._has_events:
             raise ValueError("events: expected a Tracker(..., events=True), got one for images alone")

@@ -1,4 +1,4 @@
-"""How far a pose can be trusted by its covariance: its standard deviations, and how probably it is right."""
+"""What a pose's covariance says about it: its standard deviations, and the probability that it is right."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def sigmas(estimate: Estimate) -> tuple[float, float]:
 
 
 def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.ndarray:
-    """Which estimates promise to be right, shape (N,) bool: ``certain_sigmas`` times their `sigmas` are
-    within the errors ``right_position_m`` and ``right_normal_rad``."""
+    """Which estimates are certain by their covariance, shape (N,) bool: ``certain_sigmas`` times their
+    `sigmas` are within the errors ``right_position_m`` and ``right_normal_rad``."""
     sure, limits = settings.certain_sigmas, (settings.right_position_m, settings.right_normal_rad)
     return np.array([e.T_cam_port is not None and np.all(sure * np.array(sigmas(e)) <= limits)
                      for e in estimates], bool)  # fmt: skip
@@ -29,7 +29,7 @@ def is_certain(estimates: Sequence[Estimate], settings: Settings = OURS) -> np.n
 
 def probability_within_limits(estimate: Estimate, settings: Settings = OURS) -> float:
     """Probability that a pose is within ``right_position_m``, ``right_normal_rad`` and
-    ``right_rotation_rad``.  It is not overstated: the three chances to miss add up.
+    ``right_rotation_rad``.  It is conservative, because the three probabilities of a miss are added.
 
     The square of an error with covariance C is taken as g times a chi-square variable of h degrees of
     freedom, with its mean g h = tr C and its variance 2 g^2 h = 2 tr C^2 (Satterthwaite 1946,

@@ -1,4 +1,4 @@
-"""The words that every wing uses: cameras, ports, poses, ellipses, events, recordings, estimates.
+"""The types that every wing uses: cameras, ports, poses, ellipses, events, recordings, estimates.
 
 Frames: ``cam`` has x right, y down, z forward.  ``port`` has its origin at the ring's centre in the ring's
 plane, z out of the port toward the visitor and x through marker 0.  ``T_a_b`` maps b-coordinates to a.  Units

@@ -13,7 +13,7 @@ def frozen_array(a, dtype=float) -> np.ndarray:
 
 
 def frozen_numbers(name: str, a, *last: int) -> np.ndarray:
-    """`frozen_array` of shape (..., *last); ValueError for anything else."""
+    """`frozen_array` of shape (..., *last); raises ValueError for anything else."""
     try:
         numbers = frozen_array(a)
     except (TypeError, ValueError, OverflowError):

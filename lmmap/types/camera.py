@@ -23,6 +23,11 @@ class Camera:
     ``distortion`` holds (k1, k2, p1, p2, k3) of the model ``"radtan"``, or (k1, k2, k3, k4) of Kalibr's and
     OpenCV's ``"equidistant"`` fisheye; if it is empty, the lens has no distortion, whatever the model.
 
+    Raises
+    ------
+    ValueError
+        If a field has another type or is out of range, or the model does not take that many coefficients.
+
     Examples
     --------
     >>> camera = lmmap.Camera(640, 480, fx_px=500, fy_px=500, cx_px=319.5, cy_px=239.5)
@@ -47,10 +52,10 @@ class Camera:
         for value in self.distortion:
             check_number("distortion", value, -MOST, MOST)
         if self.distortion_model not in MODELS:
-            raise ValueError(f"Camera: distortion_model is one of {[*MODELS]}, got {self.distortion_model!r}")
+            raise ValueError(f"distortion_model: expected one of {[*MODELS]}, got {self.distortion_model!r}")
         if len(self.distortion) not in (0, *MODELS[self.distortion_model]):
             raise ValueError(
-                f"Camera: {self.distortion_model} has {MODELS[self.distortion_model]} coefficients, "
+                f"distortion: {self.distortion_model} takes {MODELS[self.distortion_model]} coefficients, "
                 f"got {len(self.distortion)}"
             )
 
@@ -61,7 +66,7 @@ class Camera:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """(width, height)."""
+        """(width, height) in pixels."""
         return self.width_px, self.height_px
 
     @cached_property
@@ -71,7 +76,7 @@ class Camera:
 
     @cached_property
     def K_inverse(self) -> np.ndarray:
-        """Normalised coordinates of pixels, shape (3, 3)."""
+        """Inverse of `K`, from pixels to normalised coordinates, shape (3, 3)."""
         return frozen_array(np.linalg.inv(self.K))
 
     def at_focal(self, focal_px: float) -> Camera:
@@ -97,11 +102,11 @@ class Camera:
         SPEED+; raises `InputError`.
 
         If a file holds several cameras, take ``FILE:NAME``, else the one that matches a recording's size and
-        topics, else the first, with a warning.  A file that states no size is for images of ``size_px``.
+        topics, else the first, with a warning.  A file that states no size is taken to be for ``size_px``.
         """
         return camera_files().read_camera(path, size_px, topics)
 
     @checked
     def save(self, path: str | Path) -> None:
-        """Write the JSON that `load` reads."""
+        """Write the JSON that `load` reads; raises `InputError`."""
         camera_files().write_fields(path, self)

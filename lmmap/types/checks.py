@@ -1,4 +1,4 @@
-"""Arguments from outside, checked: every message names the argument, what was expected and what came."""
+"""Checks of arguments from outside: every message names the argument, what was expected and what came."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ MAX_TIME_US = 2**60  # either way: 36 000 years; sums and differences of such ti
 
 
 def check_number(name: str, value, low: float, high: float) -> None:
-    """ValueError unless the value is a number from ``low`` to ``high``."""
+    """Raise ValueError unless the value is a number from ``low`` to ``high``."""
     if not _lies_within(value, low, high):
         raise ValueError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r:.40}")
 
 
 def check_time(name: str, t_us) -> None:
-    """ValueError unless the value is a time that fits 64 bits of microseconds."""
+    """Raise ValueError unless the value is a time that fits 64 bits of microseconds."""
     if not _lies_within(t_us, -MAX_TIME_US, MAX_TIME_US):
         raise ValueError(f"{name}: expected a time that fits 64 bits of microseconds, got {t_us!r:.40}")
 
@@ -37,7 +37,7 @@ def _lies_within(value, low: float, high: float) -> bool:
 
 
 def frozen_times(name: str, t_us) -> np.ndarray:
-    """A read-only copy (N,) i64 of times; ValueError if one is not a time."""
+    """A read-only copy (N,) i64 of times in microseconds; raises ValueError if one is not a time."""
     if not _is_numeric(t_us):
         raise ValueError(f"{name}: expected times that fit 64 bits of microseconds, got {t_us!r:.60}")
     times = np.asarray(t_us)
@@ -48,7 +48,7 @@ def frozen_times(name: str, t_us) -> np.ndarray:
 
 
 def checked(function):
-    """A public function, called: each argument has to be what its annotation says, else ValueError."""
+    """Decorate a public function to check each argument against its annotation; raises ValueError."""
     parameters = inspect.signature(function).parameters.values()
     single = [p.name for p in parameters if p.kind == p.POSITIONAL_OR_KEYWORD]
     many = [p.name for p in parameters if p.kind == p.VAR_POSITIONAL]
@@ -65,7 +65,7 @@ def checked(function):
 
 
 def check_fields(instance) -> None:
-    """ValueError unless each field of a dataclass is what its annotation says."""
+    """Raise ValueError unless each field of a dataclass matches its annotation."""
     hints = _hints(type(instance))
     for field in fields(instance):
         _check(field.name, getattr(instance, field.name), hints[field.name], type(instance))
@@ -106,6 +106,8 @@ def _is_numeric(value) -> bool:
 
 
 def camera_files():
-    """The module that reads and writes cameras and ports, which needs types and is needed by no other: only
-    their ``load`` and ``save`` call it."""
+    """Import the module that reads and writes cameras and ports.
+
+    That module imports this package, so it is imported only when ``load`` or ``save`` is called.
+    """
     return import_module("lmmap.camera_files")

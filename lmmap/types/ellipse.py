@@ -15,6 +15,11 @@ class Ellipse:
     """Ellipses in the image: ``centre_px (..., 2)``, ``semi_axes_px (..., 2)`` with major first,
     ``angle_rad (...)`` from +u to the major axis, modulo pi.
 
+    Raises
+    ------
+    ValueError
+        If a field has another shape, or the major axis does not come first.
+
     Examples
     --------
     >>> ring = lmmap.Ellipse(centre_px=[170, 130], semi_axes_px=[40, 30], angle_rad=0.0)
@@ -36,7 +41,7 @@ class Ellipse:
             raise ValueError(f"Ellipse: semi_axes_px, expected major first, got {self.semi_axes_px}")
 
     def points(self, count: int = 360) -> np.ndarray:
-        """Points on the contour, shape (..., count, 2)."""
+        """Points on the contour in pixels, shape (..., count, 2); raises ValueError for a negative count."""
         check_number("count", count, 0, 1e9)
         s = np.linspace(0, 2 * np.pi, int(count), endpoint=False)
         a, b = self.semi_axes_px[..., :1], self.semi_axes_px[..., 1:]

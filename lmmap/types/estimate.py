@@ -50,31 +50,31 @@ class Estimate:
     ellipse : Ellipse or None
         The ring's contour, free of lens distortion.
     arc_coverage : float
-        Share of the ellipse's contour that has a point of the ring, in [0, 1].
+        Fraction of the ellipse's contour on which points of the ring lie, in [0, 1].
     marker_score, rival_score : float
-        Mean marker mask inside the markers as projected by the pose, and by its rival, in [0, 1].
+        Mean of the marker mask inside the markers as the pose, and its rival, project them, in [0, 1].
     margin : float
         How much better the pose explains the markers than its rival, in [0, 1].
     tilt_sigmas : float
-        Distance of the ring from head-on, in its own standard deviations.
+        Tilt of the ring away from head-on, in units of its own standard deviation.
     covariance : numpy.ndarray or None
-        (6, 6) of x, y, z (m) and of the rotation (rad) about the camera's axes, of ``T_cam_port``; where
-        there is no pose, of ``ring``.
+        Covariance (6, 6) of ``T_cam_port``: x, y, z (m), then the rotation about the camera's axes (rad); if
+        there is no pose, that of ``ring``.
     ring, twin : Pose or None
         Without markers: the circle's two poses, their yaw unknown.
     confidence : float
         Probability that the pose is right (`verify.confidence`), in [0, 1]; 0 where none was found.
     doubtful : Pose or None
-        The pose that is not reported because its confidence is too low: of status ``unsure``.
+        The pose that is not reported because its confidence is too low; the status is then ``unsure``.
     predicted : Pose or None
-        Of a tracker: where it expected the port before it looked at the image.
+        From a tracker: the pose that it predicted before it used the image.
     measured : Pose or None
-        Of a tracker: the pose from the image alone, or None if the image gives no pose.
+        From a tracker: the pose from the image alone, or None if the image gives no pose.
     outside_training : bool
         Whether the ring, in the networks' pixels, is smaller or larger than any that they were trained on.
     markers_off_px : float or None
-        How far the markers lie from their place on the port, after the best pose has been found, in the
-        networks' pixels; None without a refined pose.
+        Distance of the markers from where the port's geometry puts them, at the best pose, in the networks'
+        pixels; None without a refined pose.
 
     Examples
     --------
@@ -115,7 +115,7 @@ class Estimate:
 
     @checked
     def judged(self, confidence: float, least: float) -> Estimate:
-        """Return this estimate with a confidence: its pose is reported if that is at least ``least``;
+        """Return this estimate with a new confidence: if it is at least ``least``, the pose is reported;
         otherwise the status is ``unsure``."""
         if confidence >= least:
             answer: dict[str, Any] = {"status": Status.OK, "T_cam_port": self.found, "doubtful": None}

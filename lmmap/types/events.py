@@ -1,4 +1,4 @@
-"""Events as arrays: what one is, and arrays made, joined and checked."""
+"""Arrays of events: their type, and functions that make, join and check them."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ COORDINATE = np.iinfo(EVENT["x"])
 
 
 def event_array(t, x, y, p, *, offset_us: int = 0) -> np.ndarray:
-    """Events (M,) EVENT of four columns as foreign formats hold them, unsorted as they are.
+    """Make events (M,) EVENT from four columns as foreign formats hold them, without sorting.
 
     Parameters
     ----------
     t
-        Times (M,) in microseconds, whole whatever their type.
+        Times (M,) in microseconds, whole numbers of any type.
     x, y
         Columns and rows (M,).
     p
@@ -29,7 +29,7 @@ def event_array(t, x, y, p, *, offset_us: int = 0) -> np.ndarray:
     Raises
     ------
     ValueError
-        For columns of different length, values that are not finite or not representable, other polarities.
+        If the columns differ in length, a value is not finite or not representable, or a polarity is invalid.
     """
     t, x, y, p = (np.asarray(a) for a in (t, x, y, p))
     if not t.shape == x.shape == y.shape == p.shape or t.ndim != 1:
@@ -53,7 +53,7 @@ def event_array(t, x, y, p, *, offset_us: int = 0) -> np.ndarray:
 
 
 def check_events(events) -> np.ndarray:
-    """The same events; ValueError unless they are an array (M,) EVENT."""
+    """Return the events unchanged; raises ValueError unless they are an array (M,) EVENT."""
     if not isinstance(events, np.ndarray) or events.dtype != EVENT or events.ndim != 1:
         got = f"{events.shape} {events.dtype}" if isinstance(events, np.ndarray) else f"{events!r:.40}"
         remedy = "make them with lmmap.types.event_array"
@@ -62,12 +62,12 @@ def check_events(events) -> np.ndarray:
 
 
 def concatenate_events(chunks: Iterable[np.ndarray]) -> np.ndarray:
-    """Chunks (M,) EVENT as one array; numpy copies opaque bytes 6 times faster than fields.
+    """Join chunks (M,) EVENT into one array, as opaque bytes, which numpy copies 6 times faster than fields.
 
     Raises
     ------
     ValueError
-        For a chunk that is no array of events.
+        If a chunk is not an array of events.
     """
     packed = (np.ascontiguousarray(check_events(chunk)).view("V16") for chunk in chunks)
     return np.concatenate([np.zeros(0, "V16"), *packed]).view(EVENT)

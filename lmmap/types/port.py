@@ -23,9 +23,15 @@ class Port:
     """Geometry of a docking port: the ring, the raised plate with its markers and windows, and the panel.
 
     Tolerances are relative standard deviations: how far a mock-up, as built, may differ from these
-    dimensions.  The defaults follow from the port in the paper's own overlays.  Their lens leaves 5 % of the
-    plate's height open, and two images of the mock-up ask for 0.30 and 0.36 of the ring's outer radius where
-    the model has 0.40; more would cost accuracy for a port as drawn.  All else moved by less than 2 %.
+    dimensions.  The defaults follow from the port in the paper's own overlays.  The overlays' lens leaves the
+    plate's height uncertain by 5 %, and two images of the mock-up suggest 0.30 and 0.36 of the ring's outer
+    radius where the model has 0.40; a larger tolerance would cost accuracy for a port as drawn.  All other
+    dimensions moved by less than 2 %.
+
+    Raises
+    ------
+    ValueError
+        If a field has another type or is out of range, or parts of the port overlap.
 
     Examples
     --------
@@ -60,7 +66,7 @@ class Port:
             radii_m = self.ring_inner_radius_m, self.ring_radius_m, self.ring_outer_radius_m
             raise ValueError(
                 "ring_inner_radius_m, ring_radius_m, ring_outer_radius_m: expected the radius of the ring "
-                f"between two edges, and all above zero, got {radii_m}"
+                f"between those of its two edges, and all above zero, got {radii_m}"
             )
         check_number("symmetry", self.symmetry, *SYMMETRY)
         for name in ("plate_circumradius_m", "plate_height_m", "marker_radius_m"):
@@ -88,7 +94,7 @@ class Port:
     def lm_map(cls) -> Port:
         """Lockheed Martin Mission Augmentation Port, with the proportions of the authors' CAD.
 
-        They are measured in the paper's overlays, which show projections of that model.
+        The proportions were measured in the paper's overlays, which show projections of that model.
         """
         return cls(
             ring_radius_m=0.0800,
@@ -116,7 +122,7 @@ class Port:
 
     @checked
     def save(self, path: str | Path) -> None:
-        """Write the JSON that `load` reads."""
+        """Write the JSON that `load` reads; raises `InputError`."""
         camera_files().write_fields(path, self)
 
     @property
@@ -126,7 +132,7 @@ class Port:
 
     @property
     def apothem_m(self) -> float:
-        """Distance of the plate's sides from the axis; it has two sides for each marker."""
+        """Distance of the plate's sides from the axis; the plate has two sides for each marker."""
         return self.plate_circumradius_m * np.cos(np.pi / (2 * self.symmetry))
 
     def marker_corners_m(self) -> np.ndarray:

@@ -17,9 +17,14 @@ from .checks import check_fields, checked, frozen_times
 class Pose:
     """Rigid transforms ``T_a_b``: ``rotation (..., 3, 3)`` and ``position_m (..., 3)``.
 
+    Raises
+    ------
+    ValueError
+        If either has another shape or does not hold numbers.
+
     Examples
     --------
-    A transform takes points from frame b to frame a, and undoes itself with its inverse:
+    A transform maps points from frame b to frame a; composed with its inverse, it is the identity:
 
     >>> T_cam_port = lmmap.Pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.6])
     >>> T_cam_port @ np.array([0.1, 0.0, 0.0])
@@ -37,6 +42,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
+        """The transform that changes nothing."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
@@ -61,6 +67,7 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
+        """``T_b_a`` of ``T_a_b``."""
         rotation = np.swapaxes(self.rotation, -1, -2)
         return Pose(rotation, -np.einsum("...ij,...j->...i", rotation, self.position_m))
 
@@ -71,6 +78,7 @@ class Pose:
 
     @property
     def quaternion_xyzw(self) -> np.ndarray:
+        """Unit quaternions of the rotations, shape (..., 4), scalar last and not negative."""
         return Rotation.from_matrix(self.rotation).as_quat(canonical=True)
 
 
@@ -81,8 +89,13 @@ GAP_STEPS, GAP_US = 10, 100_000  # a gap is longer than this many usual steps, a
 class Trajectory:
     """Poses ``T_a_b`` of one frame in another at strictly increasing times ``t_us (N,)``.
 
-    Its holder says which frames: of a recording's truth and of estimates it is ``T_cam_port``, of an arm
-    ``T_root_tip``.
+    The context says which frames: ``T_cam_port`` for a recording's truth and for estimates, ``T_root_tip``
+    for an arm.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many times as poses, or the times do not increase strictly.
 
     Examples
     --------
@@ -108,8 +121,8 @@ class Trajectory:
 
     @checked
     def covers(self, t_us: ArrayLike) -> np.ndarray:
-        """Which times (...) lie inside the trajectory and in no gap: a step of more than `GAP_STEPS` times
-        the median one and of more than `GAP_US`."""
+        """Which times (...) in microseconds lie inside the trajectory but not in a gap, that is, a step of
+        more than `GAP_STEPS` times the median one and of more than `GAP_US`."""
         t, steps = np.asarray(t_us), np.diff(self.t_us)
         if not len(steps):
             return np.isin(t, self.t_us)
@@ -119,8 +132,14 @@ class Trajectory:
 
     @checked
     def at(self, t_us: ArrayLike, *, across_gaps: bool = False) -> Pose:
-        """Interpolate (linear, slerp) at times inside the trajectory; ValueError outside it and in its gaps,
-        unless ``across_gaps``."""
+        """Interpolate poses (linear, slerp) at one time or times (N,) in microseconds.
+
+        Raises
+        ------
+        ValueError
+            If a time lies outside the trajectory or, unless ``across_gaps``, in one of its gaps, or if the
+            trajectory has fewer than two poses.
+        """
         if len(self) < 2:
             raise ValueError(f"Trajectory: expected at least two poses to interpolate, got {len(self)}")
         t = np.asarray(t_us)

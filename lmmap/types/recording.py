@@ -1,4 +1,4 @@
-"""Events and frames of one camera: in memory, or as any stream that has the same face."""
+"""Events and frames of one camera: in memory, or as any stream with the same interface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ CHUNK_EVENTS = 1_000_000
 @dataclass(frozen=True)
 class Recording:
     """One camera's recording: ``events (M,) EVENT`` sorted by time, ``frames (N, H, W, 3)`` u8 RGB at
-    ``frames_t_us (N,)`` (middle of the exposure), and the true trajectory where it is known.
+    ``frames_t_us (N,)`` (middle of the exposure), and the true trajectory if it is known.
+
+    Raises
+    ------
+    ValueError
+        If a field has another type, or there are not as many times as frames.
 
     Examples
     --------
@@ -46,19 +51,19 @@ class Recording:
             raise ValueError(f"frames, frames_t_us: expected as many times as frames (N, H, W, 3), got {got}")
 
     def chunks(self):
-        """Yield the events in views of at most `CHUNK_EVENTS`: joining them into windows copies no more."""
+        """Yield views of at most `CHUNK_EVENTS` events, so that joining them into windows copies no more."""
         for start in range(0, max(len(self.events), 1), CHUNK_EVENTS):
             yield self.events[start : start + CHUNK_EVENTS]
 
     def timed_frames(self):
-        """Yield ``(t_us, frame)``."""
+        """Yield ``(t_us, frame)``, each frame (H, W, 3) u8."""
         yield from zip(self.frames_t_us.tolist(), self.frames, strict=True)
 
 
 @runtime_checkable
 class AnyRecording(Protocol):
-    """What a `Recording` in memory and a stream from a file have in common: chunks (M,) EVENT, and
-    ``(t_us, (H, W, 3) u8)``, in the order of time."""
+    """What a `Recording` in memory and a stream from a file have in common: chunks (M,) EVENT and
+    ``(t_us, (H, W, 3) u8)``, both in time order."""
 
     @property
     def name(self) -> str: ...

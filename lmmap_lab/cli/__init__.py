@@ -1,1 +1,1 @@
-"""The laboratory's words of the ``lmmap`` command, which finds them by their entry points."""
+"""The laboratory's subcommands of ``lmmap``, which finds them by their entry points."""

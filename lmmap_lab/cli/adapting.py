@@ -1,5 +1,4 @@
-"""``lmmap adapt``, and what ``lmmap estimate --adapt`` asks for: networks that have learned a recording's
-place."""
+"""``lmmap adapt`` and ``lmmap estimate --adapt``: networks adapted to the place that a recording shows."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from ..adaptation.adapt import adapt
 
 
 def run(a: Namespace) -> None:
-    """A folder of networks."""
+    """Adapt networks, and write them to a folder."""
     outcomes = _adapt(a, a.output, "seconds", steps=a.steps, seed=a.seed)
     if a.json:
         print(json.dumps({m: asdict(o) for m, o in outcomes.items()}))
@@ -28,7 +27,7 @@ def run(a: Namespace) -> None:
 
 
 def for_estimate(a: Namespace) -> Path:
-    """Networks that learned the first part of a recording, in a folder beside the poses."""
+    """Adapt networks to the first part of a recording, in a folder beside the poses; return the folder."""
     folder = a.output.with_suffix(".networks")
     if folder == a.output:
         raise InputError(f"{a.output}: so the folder of its networks is called; name the poses .csv")

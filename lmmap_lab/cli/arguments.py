@@ -1,4 +1,4 @@
-"""The words of the laboratory's subcommands: each function adds one, and is an entry point of its name."""
+"""Arguments of the laboratory's subcommands: each function adds one, and is an entry point of its name."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ EXPORT = """examples:
 
 
 def adapt(commands: Commands) -> None:
-    text = "let the mask networks learn the place that a recording shows, without ground truth"
+    text = "adapt the mask networks to the place that a recording shows, without ground truth"
     command = commands.add("adapt", "lmmap_lab.cli.adapting:run", text, ADAPT)
     commands.add_recording(command)
     text = "cameras to learn from and to adapt (default: both)"
@@ -134,7 +134,7 @@ def reproduce(commands: Commands) -> None:
     text = "keep packed results of sequences that are still valid"
     command.add_argument("--go-on", action="store_true", help=text)
     commands.add_file(command, "--data", metavar="FOLDER", help="the authors' bags, instead of the bench")
-    text = "with --data: the default networks also learn the laboratory by themselves, and are tested"
+    text = "with --data: also adapt the default networks to the laboratory, without labels, and test them"
     command.add_argument("--adapt", action="store_true", help=text)
 
 
@@ -191,7 +191,7 @@ def calibrate(commands: Commands) -> None:
     commands.add_file(command, "--camera", help="calibration (default: camera.json beside the bag)")
     text = "hand-eye calibration in YAML (default: the one beside the bag)"
     commands.add_file(command, "--hand-eye", help=text)
-    text = "also estimate where the camera stands, whatever a file says"
+    text = "also estimate the camera's pose, whatever a file says"
     command.add_argument("--free", action="store_true", help=text)
     command.add_argument("--base", metavar="FRAME", help="the arm's base in /tf")
     command.add_argument("--effector", metavar="FRAME", help="the arm's other end in /tf")

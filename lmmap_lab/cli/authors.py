@@ -36,7 +36,7 @@ from . import measured_lens, measured_port
 
 
 def dataset(a: Namespace) -> None:
-    """What the data set is, or what of it a folder holds."""
+    """Print what the data set is, or which of its bags a folder holds."""
     if a.do and not a.folder:
         raise InputError("dataset check: no folder given; name the one with the bags")
     if not a.do:
@@ -69,7 +69,7 @@ def dataset(a: Namespace) -> None:
 
 
 def calibrate(a: Namespace) -> None:
-    """A rig from bags, a camera from one of a checkerboard, or a port or a lens from a recording."""
+    """Calibrate a rig from bags, a camera from a checkerboard, or a port or a lens from a recording."""
     of_rig = "hand_eye", "free", "base", "effector", "on_arm"
     if a.measure_port or a.focal:
         what = "--port: measures a port" if a.measure_port else "--focal: measures a lens"
@@ -107,7 +107,7 @@ def calibrate(a: Namespace) -> None:
 
 
 def describe(rig) -> str:
-    """A calibration in a few lines."""
+    """Describe a calibration in a few lines."""
     f, T = rig.calibration, rig.T_tip_port
     lines = [
         f"port on {rig.tip} at ({', '.join(f'{1e3 * v:.1f}' for v in T.position_m)}) mm, "
@@ -130,7 +130,7 @@ def describe(rig) -> str:
 
 
 def calibrate_board(a: Namespace) -> None:
-    """Intrinsics from recordings of a checkerboard, by one camera."""
+    """Calibrate a camera's intrinsics from recordings of a checkerboard."""
     size = re.fullmatch(r"(\d+)x(\d+)", a.board)
     if not size or min(map(int, size.groups())) < 3:
         raise InputError(
@@ -188,7 +188,7 @@ def simulate(a: Namespace) -> None:
 
 
 def train(a: Namespace) -> None:
-    """Filters trained on a folder of bags, kept where ``reproduce --data`` looks for them."""
+    """Train filters on a folder of bags, and keep them where ``reproduce --data`` looks for them."""
     from ..training import train  # torch's optimisers take a second to import
 
     chosen = {"steps": a.steps or 2000, "start_from": a.start_from or ""}
@@ -206,7 +206,7 @@ def train(a: Namespace) -> None:
 
 
 def reproduce(a: Namespace) -> None:
-    """The paper's studies on a folder of bags; ends with the table."""
+    """Run the paper's studies on a folder of bags, and print the table at the end."""
     out = on_authors_bags.reproduce(a.data, lambda line: print(line, flush=True), a.adapt)
     text = beside_paper.results_text(out, DERIVED_DATA / a.profile)
     write_text(out / "told.txt", text + "\n")

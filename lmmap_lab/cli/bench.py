@@ -25,7 +25,7 @@ from . import authors
 
 
 def simulate(a: Namespace) -> None:
-    """Sequences of the bench to files."""
+    """Write sequences of the bench to files."""
     if a.as_published:
         text = "--as-published: stand-ins have sequences of their own"
         leave_out(a, text, "sequence", "output", "overwrite", "camera", "jobs", "scheduler", "profile")
@@ -63,7 +63,7 @@ def simulate(a: Namespace) -> None:
 
 
 def calibrate_lamps(a: Namespace) -> None:
-    """Exposure and lamps."""
+    """Calibrate exposure and lamps."""
     if a.output:
         check_output(a.output, overwrite=a.overwrite)
     result = photometry.calibrate_lamps(lambda line: print(line, file=sys.stderr))
@@ -73,7 +73,7 @@ def calibrate_lamps(a: Namespace) -> None:
 
 
 def train(a: Namespace) -> None:
-    """The filters that were asked for, one after the other."""
+    """Train the filters that were asked for, one after the other."""
     if a.data:
         authors.train(a)
         return
@@ -91,7 +91,7 @@ def train(a: Namespace) -> None:
 
 
 def reproduce(a: Namespace) -> None:
-    """The accuracy study of a profile, or a folder of bags'."""
+    """Run the accuracy study of a profile, or that of a folder of bags."""
     if not CHECKOUT:
         raise InputError("reproduce: an installed package has no book and no pins; run it in a checkout")
     paper = a.profile == "paper"
@@ -116,7 +116,7 @@ def reproduce(a: Namespace) -> None:
 
 
 def check(a: Namespace) -> None:
-    """Results and pages beside the committed ones."""
+    """Compare results and pages with the committed ones."""
     if a.carry:
         from ..studies.carry import carry
 

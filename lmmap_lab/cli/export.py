@@ -1,4 +1,4 @@
-"""``lmmap export``: networks in ONNX, and what else somebody needs who runs them elsewhere."""
+"""``lmmap export``: networks in ONNX, and everything else that is needed to run them elsewhere."""
 
 from __future__ import annotations
 

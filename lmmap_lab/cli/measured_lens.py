@@ -1,4 +1,4 @@
-"""``lmmap calibrate CLIP --focal``: a camera's focal length from a port that is waved before it."""
+"""``lmmap calibrate CLIP --focal``: a camera's focal length from a port that is waved in front of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIGMAS_95 = 1.96
 
 
 def calibrate_lens(a: Namespace) -> None:
-    """A camera's file beside the clip, and what is known of it."""
+    """Write a camera's file beside the clip, and print how well the camera is known."""
     if len(a.bags) > 1 or a.modality != "rgb":
         raise InputError("--focal: measures from the frames of one recording; give one, and no --modality")
     path = a.bags[0]
@@ -55,7 +55,7 @@ def facts(lens: Lens) -> dict:
 
 
 def describe(lens: Lens) -> str:
-    """The same in a line."""
+    """The measured values and their 95 % intervals in one line."""
     found = facts(lens)
     low, high = found["focal_95_px"]
     k1 = f"k1 {found['k1']:+.3f} +- {SIGMAS_95 * lens.k1_sigma:.3f}" if lens.k1_known else "k1 is not known"

@@ -20,7 +20,7 @@ PORT_FILE = "port.json"
 
 
 def calibrate_port(a: Namespace) -> None:
-    """A port's file, and a table of what was measured."""
+    """Write a port's file, and print a table of what was measured."""
     if len(a.bags) > 1:
         raise InputError(
             f"--port: measures from one recording, got {len(a.bags)}; give the one of most views"
@@ -60,7 +60,7 @@ def facts(fit: PortFit, views: port_views.Views, standard: Port, focal_px: float
 
 
 def describe(fit: PortFit, views: port_views.Views, standard: Port, focal_px: float | None) -> str:
-    """The same in a table, in millimetres and pixels, and what was not measured."""
+    """The measured dimensions in a table, in millimetres and pixels, and a note of what was not measured."""
     found = facts(fit, views, standard, focal_px)
     lines = [
         f"{found['agree']} of {found['measured']} chosen images agree, of {found['images']} looked at",

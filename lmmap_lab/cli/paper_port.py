@@ -1,4 +1,4 @@
-"""``lmmap print``: the sheets of a port of paper, or its dimensions as a printer made them."""
+"""``lmmap print``: the sheets of a paper port, or its dimensions as printed."""
 
 from __future__ import annotations
 
@@ -45,5 +45,6 @@ def print_port(a: Namespace) -> None:
 
 
 def check_range(name: str, value: float, limits: tuple[float, float], what: str) -> None:
+    """Raise `InputError` unless an option's value lies within its limits."""
     if not limits[0] <= value <= limits[1]:
         raise InputError(f"{name} {value:g}: give {what} between {limits[0]:g} and {limits[1]:g}")
