@@ -2,12 +2,13 @@
 
     python tuning/judge_missed.py
 
-The images are those of the set "other laboratory, judged once" of `judged_images`.  A person looked at all of
-them before any network did, and wrote into `tuning/rings-seen.csv` whether the ring's outline can be followed
-on more than half of its length.  Images that nobody has judged yet, as after a change of the bench, are drawn
-into data/derived/missed, and the script ends; it is called again when they are in the file.  The table of
-seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of images that a person can
-read and the estimator cannot to data/results/missed-elsewhere.jpg.
+The images are those of the set "other laboratory, judged once" of `judged_images`.  A person looked at all
+of them before any network did, on sheets with ticks at the ring's true place, and wrote into
+`tuning/rings-seen.csv` whether the ring's outline can be followed on more than half of its length.  A ring
+with a right pose counts as seen.  Images that nobody has judged yet, as after a change of the bench, are
+drawn into data/derived/missed, and the script ends; it is called again when they are in the file.  The
+table of seen rings and right poses goes to data/results/missed-elsewhere.csv, and pictures of images that a
+person can read and the estimator cannot to data/results/missed-elsewhere.jpg.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ ORIGINS = {
     "data/weights": COMMITTED,
     "book/_static": COMMITTED,
     "data/paper": PAPER,
+    "data/results/accuracy/claims.csv": PAPER,  # beside ours
 }
 COMPUTING = ("lmmap.pipeline.estimator.", "lmmap.estimation.", "lmmap.tracking.", "lmmap_lab.bench.")
 PAGES = ("lmmap_lab.pages", "lmmap_lab.studies")  # whose functions read files of which a page says nothing

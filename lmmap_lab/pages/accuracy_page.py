@@ -10,7 +10,7 @@ import pandas as pd
 from ..studies.accuracy_run import run_before
 from ..studies.ladder import RUNGS
 from ..studies.verdicts import ESTIMATORS, NOT_RUN
-from .tables import CAMERAS, LIGHTS, WORDS, accuracy_table, claim_table, with_ends
+from .tables import CAMERAS, LIGHTS, WORDS, accuracy_table, rules, sentence_table, with_ends
 
 
 def when_made(before: Sequence[str]) -> str:
@@ -109,24 +109,16 @@ def coverage_table(coverage: pd.DataFrame) -> pd.DataFrame:
     return wide.rename_axis(index=None, columns=None)
 
 
-def verdict_table(claims: pd.DataFrame):
-    """`claims.claims`, styled: the verdict of each estimator, in bold letters the one that decides."""
-    columns = {}
-    for estimator, name in ESTIMATORS.items():
-        verdict = claims[f"{estimator}_verdict"].replace(NOT_RUN, "")
-        columns[name] = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
-    return claim_table(claims, columns)
-
-
 def claims_table(claims: pd.DataFrame):
-    """`claims.claims`, styled as a `claim_table`: the numbers under each verdict, and in bold letters the one
-    that decides."""
+    """`claims.claims` as a `sentence_table`: each claim with what it is about and its `rules` in small print,
+    the numbers under each verdict, and in bold letters the verdict that decides."""
     pairs = ["numbers", "paper", *ESTIMATORS]  # pairs of cells, in a light after the other
     claims = claims.assign(**claims[pairs].apply(lambda texts: texts.str.replace(" | ", " and ")))
-    columns = {"paper": claims.paper}
+    words = claims.claim + " <small>(" + claims.part + ")</small>" + rules(claims)
+    columns = {"the paper's words": words, "paper": claims.paper}
     for estimator, name in ESTIMATORS.items():
         verdict = claims[f"{estimator}_verdict"]
         found = claims[estimator].where(claims[estimator] != NOT_RUN, "")
         shown = verdict.mask(claims.decides == name, "<b>" + verdict + "</b>")
         columns[name] = shown.replace(NOT_RUN, "") + "<br><small>" + found + "</small>"
-    return claim_table(claims, columns, with_numbers=True)
+    return sentence_table(pd.DataFrame(columns), "sentences claims")

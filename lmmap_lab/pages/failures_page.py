@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -17,6 +17,7 @@ from lmmap.types import Port
 
 from ..studies.reliability import share_intervals
 from .drawings import COLOUR
+from .sliders import Step, picture
 from .tables import CAMERAS, LIGHTS
 
 BESIDE = 0.97  # a confidence near the corner of a plot
@@ -141,26 +142,44 @@ def draw_reliability(panels: Mapping[str, Mapping[str, pd.DataFrame]]):
     return fig
 
 
-def draw_limits(limits: pd.DataFrame, light: str, labelled: Sequence[float]):
-    """Figure of right over wrong poses in a light, as the confidence threshold varies: a curve a camera.
+def draw_limit(limits: pd.DataFrame, limit: float):
+    """Figure of one confidence threshold: right over wrong poses by camera, with a dot at the threshold, and
+    beside them the percentages of right, wrong and no poses.
 
     Parameters
     ----------
     limits
-        `right_and_wrong.by_limit` with ``light`` and ``modality``.
-    labelled
-        The thresholds that are written beside their dots.
+        `right_and_wrong.by_limit` of one light, with ``modality``.
     """
-    fig, ax = plt.subplots(figsize=(5.6, 2.9))
-    for modality in MODALITIES:
-        rows = limits[(limits.light == light) & (limits.modality == modality)]
-        ax.plot(rows.wrong_percent, rows.right_percent, "o-", ms=3.5, lw=1, color=COLOUR[modality],
-                label=CAMERAS[modality])  # fmt: skip
-        for k, row in enumerate(rows[rows.limit.isin(labelled)].itertuples()):  # in turn below and above
-            ax.annotate(f"{row.limit:g}", (row.wrong_percent, row.right_percent),
-                        (-4, 3) if k % 2 else (5, -11), textcoords="offset points",
-                        ha="right" if k % 2 else "left", color=COLOUR[modality], size="small")  # fmt: skip
-    ax.margins(0.08)
-    ax.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
-    ax.legend(loc="lower right")
+    fig, (left, bars) = plt.subplots(1, 2, figsize=(7.6, 3.0), width_ratios=(3, 2))
+    for y, modality in enumerate(MODALITIES[::-1]):
+        rows, colour = limits[limits.modality == modality], COLOUR[modality]
+        at = rows[np.isclose(rows.limit, limit)].iloc[0]
+        left.plot(rows.wrong_percent, rows.right_percent, "-", lw=1, color=colour, label=CAMERAS[modality])
+        left.plot(at.wrong_percent, at.right_percent, "o", ms=7, color=colour)
+        parts = at.right_percent, 100 - at.right_percent - at.wrong_percent, at.wrong_percent
+        ends = np.cumsum(parts)
+        for width, end, shade in zip(parts, ends, ("truth", "ink", "event"), strict=True):
+            bars.barh(y, width, left=end - width, height=0.5, color=COLOUR[shade],
+                      alpha=0.3 if shade == "ink" else 1)  # fmt: skip
+        bars.text(50, y - 0.42, "right {:.1f}, none {:.1f}, wrong {:.1f} %".format(*parts), ha="center",
+                  size="small")  # fmt: skip
+    left.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
+    left.margins(0.08)
+    left.legend(loc="lower right")
+    bars.set(xlim=(0, 100), ylim=(-0.7, 1.5), yticks=range(2), xlabel="% of the images",
+             yticklabels=[CAMERAS[m] for m in MODALITIES[::-1]])  # fmt: skip
+    bars.grid(visible=False)
     return fig
+
+
+def limit_steps(limits: pd.DataFrame) -> list[Step]:
+    """A step of a `Slider` for each confidence threshold: `draw_limit`."""
+    steps = []
+    for limit in sorted(limits.limit.unique()):
+        said = "; ".join(
+            f"{CAMERAS[row.modality]}: {row.right_percent:.1f} % right, {row.wrong_percent:.1f} % wrong"
+            for row in limits[limits.limit == limit].itertuples()
+        )
+        steps.append(Step(f"{limit:g}", said, picture(draw_limit(limits, limit)), ()))
+    return steps

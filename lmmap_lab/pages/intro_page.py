@@ -34,7 +34,7 @@ FLOW = (
     (f"frame, or\n{PAPER.events_per_window:,} events", "image", "ink"), ("ring\nnetwork", "mask", "event"),
     ("skeleton,\nRANSAC", "ellipse", "rgb"), ("exact\ncircle", "two poses", "truth"),
     ("marker\nnetwork", "mask", "event"), ("correlation\nwith CAD", "pose", "rgb"),
-    ("joint\nrefinement", "finer pose", "truth"), ("confidence", "sure pose", "truth"),
+    ("joint\nrefinement", "finer pose", "truth"), ("confidence", "reported pose", "truth"),
     ("outlier\nfilter", "trajectory", "rgb"),
 )  # fmt: skip
 IN_A_ROW = 3
@@ -82,14 +82,14 @@ def draw_flow():
 
 
 def scorecard(claims: pd.DataFrame):
-    """Headline claims, a row each, styled: rule, numbers of the paper and of the estimator that decides, and
-    verdict; ``claims`` as `claims.claims`."""
+    """Headline claims, a row each, styled: rule, numbers of the paper and of the estimator that decides, with
+    its name, and verdict; ``claims`` as `claims.claims`."""
     rows = claims.set_index("key").loc[list(HEADLINES)]
     columns = {name: estimator for estimator, name in ESTIMATORS.items()}
-    ours = [row[columns[row.decides]] for _, row in rows.iterrows()]
+    here = [f"{row[columns[row.decides]]}<br><small>{row.decides}</small>" for _, row in rows.iterrows()]
     table = pd.DataFrame({
-        "claim": rows.index.map(HEADLINES) + rules(rows, with_numbers=True),
-        "paper": rows.paper, "here": ours, "verdict": "<b>" + rows.verdict + "</b>",
+        "claim": rows.index.map(HEADLINES) + rules(rows),
+        "paper": rows.paper, "here": here, "verdict": "<b>" + rows.verdict + "</b>",
     })  # fmt: skip
     return sentence_table(table.map(lambda text: text.replace(" | ", " and ")), "sentences claims")
 

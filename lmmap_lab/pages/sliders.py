@@ -46,6 +46,15 @@ def broken(lines_px) -> np.ndarray:
     return np.concatenate([np.append(line, [[np.nan, np.nan]], 0) for line in lines_px])
 
 
+def picture(fig) -> np.ndarray:
+    """A figure as an image (H, W, 3) of a `Step`, in [0, 1], on white; closes the figure."""
+    file = BytesIO()
+    fig.savefig(file, format="png", transparent=False, facecolor="white", dpi=130)
+    plt.close(fig)
+    pixels = cv2.imdecode(np.frombuffer(file.getvalue(), np.uint8), cv2.IMREAD_COLOR)
+    return pixels[..., ::-1] / 255
+
+
 class Strip:
     """Steps side by side, which a script puts behind a slider; on paper and without scripts all are seen.
 
@@ -126,8 +135,11 @@ class Slider:
         step = self.steps[self.start]
         drawn, ax = plt.subplots(figsize=(6, 4.5))
         _draw(ax, step)
-        ax.set(xlabel="u (px)", ylabel="v (px)", title=step.title)
-        ax.legend(loc="upper right")
+        if step.curves:
+            ax.set(xlabel="u (px)", ylabel="v (px)", title=step.title)
+            ax.legend(loc="upper right")
+        else:
+            ax.set_axis_off()
         return _png(drawn)
 
 

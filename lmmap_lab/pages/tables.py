@@ -143,20 +143,12 @@ def sentence_table(table: pd.DataFrame, classes: str = "sentences"):
     return table.style.hide().set_table_attributes(f'class="{classes}"')
 
 
-def rules(claims: pd.DataFrame, with_numbers: bool = False) -> pd.Series:
-    """In small print, the rule of a claim's verdict, or the reason that it has no verdict; if asked for, what
-    the claim's numbers are stands before it."""
-    numbers = ("Numbers: " + claims.numbers + ". ").where(with_numbers & (claims.numbers != "in words"), "")
+def rules(claims: pd.DataFrame) -> pd.Series:
+    """In small print, what a claim's numbers are, and the rule of its verdict or why it has none."""
+    numbers = ("Numbers: " + claims.numbers + ". ").where(claims.numbers != "in words", "")
     judged = claims.verdict.isin([HOLDS, PARTLY, FAILS]).map({True: "Holds if: ", False: "No verdict: "})
     reasons = claims.why.str.replace(r"`(.+?)`", r"<code>\1</code>", regex=True)
     return "<br><small>" + numbers + judged + reasons + "</small>"
-
-
-def claim_table(claims: pd.DataFrame, columns: Mapping[str, pd.Series], with_numbers: bool = False):
-    """A `sentence_table` of claims of the paper, each with what it is about and its `rules` in small print,
-    and short ``columns``."""
-    words = claims.claim + " <small>(" + claims.part + ")</small>" + rules(claims, with_numbers)
-    return sentence_table(pd.DataFrame({"the paper's words": words, **columns}), "sentences claims")
 
 
 def to_html(styled) -> str:

@@ -103,8 +103,19 @@ def test_readme_has_the_rates_of_the_full_test():
     assert (
         f"in {frames} % of the frames, in {events} % of the histograms and, fused, in {both} % of" in README
     )
-    frames, events, both = (f"{wrong.loc[m].max():.1f} %" for m in ("rgb", "event", "fused"))
+    frames, events, both = (
+        f"{np.ceil(10 * wrong.loc[m].max()) / 10:.1f} %" for m in ("rgb", "event", "fused")
+    )
     assert f"at most {frames} of the frames, {events} of the histograms and {both} of the instants" in README
+
+
+def test_readme_and_the_page_on_recordings_say_how_much_faster_a_tracker_is():
+    pace = load_table(DATA / "results" / "pace.csv").pivot(
+        index=["precision", "modality"], columns="part", values="ms"
+    )
+    times = pace["image to pose"] / pace["tracker"]
+    assert "more than twice as fast" in README and times.min() > 2
+    assert "less than half the time" in PAGES["your-recording.md"]
 
 
 def test_readme_says_of_the_gap_what_the_study_says():

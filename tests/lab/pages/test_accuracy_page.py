@@ -58,15 +58,6 @@ def test_claims_lose_no_column():
     assert "why" not in tables.to_text(accuracy_page.claims_table(claims))
 
 
-def test_verdicts_stand_by_estimator_and_the_one_that_decides_is_bold():
-    cells = {"printed": ("3; 4", "partly"), "ours": ("5; 6", "holds")}
-    table = accuracy_page.verdict_table(
-        pd.DataFrame([row("not_hdr", "1 | 2", cells, "rule", decides="ours")])
-    ).data
-    assert table["the paper's words"][0].endswith("(cause)</small><br><small>Holds if: rule</small>")
-    assert table[["as printed", "printed formula", "ours"]].iloc[0].tolist() == ["", "partly", "<b>holds</b>"]
-
-
 def test_tables_of_an_earlier_estimator_say_so():
     assert accuracy_page.when_made([]) == "made with the current estimator and networks"
     assert "made before the estimator" in accuracy_page.when_made(["test-low"])

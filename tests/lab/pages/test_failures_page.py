@@ -63,12 +63,17 @@ def test_seen_rings_and_right_poses_are_counted_by_cell():
     assert failures_page.cells_in_words(four) == "frames in every light, events in high light"
 
 
-def test_each_limit_is_a_dot_and_only_some_have_labels():
-    limits = pd.DataFrame({"limit": [0.0, 0.5, 0.9], "right_percent": [95.0, 94.0, 80.0],
-                           "wrong_percent": [4.0, 2.0, 0.0], "light": "high", "modality": "rgb"})  # fmt: skip
-    other = limits.assign(light="low", right_percent=99.0)
-    (ax,) = failures_page.draw_limits(pd.concat([limits, other]), "high", (0.0, 0.9)).axes
-    line, events = ax.lines
-    assert not len(events.get_xdata())
-    assert np.array_equal(line.get_xydata(), [(4, 95), (2, 94), (0, 80)])
-    assert [(text.get_text(), text.xy) for text in ax.texts] == [("0", (4, 95)), ("0.9", (0, 80))]
+def test_a_limit_is_a_dot_on_its_curve_and_a_bar_of_a_hundred_percent():
+    frames = pd.DataFrame({"limit": [0.0, 0.5, 0.9], "right_percent": [95.0, 94.0, 80.0],
+                           "wrong_percent": [4.0, 2.0, 0.0], "modality": "rgb"})  # fmt: skip
+    limits = pd.concat([frames, frames.assign(modality="event", right_percent=50.0)])
+    left, bars = failures_page.draw_limit(limits, 0.5).axes
+    _, events_at, curve, at = left.lines
+    assert np.array_equal(curve.get_xydata(), [(4, 95), (2, 94), (0, 80)])
+    assert np.array_equal(at.get_xydata(), [(2, 94)]) and np.array_equal(events_at.get_xydata(), [(2, 50)])
+    assert [bar.get_width() for bar in bars.patches] == [50, 48, 2, 94, 4, 2]  # right, none, wrong
+    assert bars.patches[2].get_x() == 98 and "right 94.0, none 4.0, wrong 2.0" in bars.texts[1].get_text()
+    steps = failures_page.limit_steps(limits)
+    assert [step.label for step in steps] == ["0", "0.5", "0.9"]
+    assert steps[2].title == "frames: 80.0 % right, 0.0 % wrong; events: 50.0 % right, 0.0 % wrong"
+    assert not np.array_equal(steps[0].image, steps[1].image)
