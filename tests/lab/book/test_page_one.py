@@ -95,7 +95,8 @@ def test_its_scorecard_has_the_numbers_and_verdicts_of_the_claims():
         claim = CLAIMS.loc[key]
         ours = claim[column[claim.decides]]
         assert row["claim"].startswith(intro_page.HEADLINES[key])
-        assert (row["paper"], row["here"]) == tuple(t.replace(" | ", " and ") for t in (claim.paper, ours))
+        here = f"{ours}<br><small>{claim.decides}</small>"
+        assert (row["paper"], row["here"]) == tuple(t.replace(" | ", " and ") for t in (claim.paper, here))
         assert (
             row["verdict"]
             == f"<b>{claim.verdict}</b>"
