@@ -10,7 +10,6 @@ from lmmap.types import Pose
 from lmmap_lab.pages import intro_page
 from lmmap_lab.provenance import DATA, ROOT
 from lmmap_lab.studies.accuracy_run import COMMITTED
-from lmmap_lab.studies.table1 import LIGHTS
 from lmmap_lab.studies.verdicts import FAILS, HOLDS, NO_CLAIM, PARTLY, UNTESTED
 
 
