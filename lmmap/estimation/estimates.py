@@ -128,7 +128,7 @@ def in_place(answers: Iterable[tuple], settings: Settings) -> Generator[tuple]:
             yield image, e
     finally:
         if len(off_px) >= settings.port_off_poses and np.median(off_px) > settings.port_off_px:
-            text = f"the markers lie {np.median(off_px):.1f} px from where the port's geometry puts them"
+            text = f"the markers lie {np.median(off_px):.1f} px from where the port has them"
             warnings.warn(f"{text}; measure the port with lmmap calibrate --port", stacklevel=2)
 
 

@@ -52,7 +52,7 @@ def windows_at(
         last_us = recent["t_us"][-1]
         if not dense and _images(chunk["t_us"] - first_us, rate_hz) > max(len(chunk) / 2, FEW):
             dense = True
-            text = "are about as many as the events; each repeats nearly all of the last; lower the rate"
+            text = "are about as many as the events; each shares nearly all of its events with the one before"
             warnings.warn(f"{rate_hz:g} images a second {text}", stacklevel=2)
         while (tick_us := first_us + int(tick * 1e6 / rate_hz)) < last_us:
             (window,) = windows_before(recent, [tick_us], count)
