@@ -152,7 +152,7 @@ def draw_limit(limits: pd.DataFrame, limit: float):
         `right_and_wrong.by_limit` of one light, with ``modality``.
     """
     fig, (left, bars) = plt.subplots(1, 2, figsize=(7.6, 3.0), width_ratios=(3, 2))
-    for y, modality in enumerate(MODALITIES[::-1]):
+    for y, modality in zip((1, 0), MODALITIES, strict=True):
         rows, colour = limits[limits.modality == modality], COLOUR[modality]
         at = rows[np.isclose(rows.limit, limit)].iloc[0]
         left.plot(rows.wrong_percent, rows.right_percent, "-", lw=1, color=colour, label=CAMERAS[modality])
@@ -167,8 +167,8 @@ def draw_limit(limits: pd.DataFrame, limit: float):
     left.set(xlabel="wrong poses (% of the images)", ylabel="right poses (% of the images)")
     left.margins(0.08)
     left.legend(loc="lower right")
-    bars.set(xlim=(0, 100), ylim=(-0.7, 1.5), yticks=range(2), xlabel="% of the images",
-             yticklabels=[CAMERAS[m] for m in MODALITIES[::-1]])  # fmt: skip
+    bars.set(xlim=(0, 100), ylim=(-0.7, 1.5), yticks=(1, 0), xlabel="% of the images",
+             yticklabels=[CAMERAS[m] for m in MODALITIES])  # fmt: skip
     bars.grid(visible=False)
     return fig
 

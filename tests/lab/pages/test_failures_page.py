@@ -68,11 +68,11 @@ def test_a_limit_is_a_dot_on_its_curve_and_a_bar_of_a_hundred_percent():
                            "wrong_percent": [4.0, 2.0, 0.0], "modality": "rgb"})  # fmt: skip
     limits = pd.concat([frames, frames.assign(modality="event", right_percent=50.0)])
     left, bars = failures_page.draw_limit(limits, 0.5).axes
-    _, events_at, curve, at = left.lines
+    curve, at, _, events_at = left.lines
     assert np.array_equal(curve.get_xydata(), [(4, 95), (2, 94), (0, 80)])
     assert np.array_equal(at.get_xydata(), [(2, 94)]) and np.array_equal(events_at.get_xydata(), [(2, 50)])
-    assert [bar.get_width() for bar in bars.patches] == [50, 48, 2, 94, 4, 2]  # right, none, wrong
-    assert bars.patches[2].get_x() == 98 and "right 94.0, none 4.0, wrong 2.0" in bars.texts[1].get_text()
+    assert [bar.get_width() for bar in bars.patches] == [94, 4, 2, 50, 48, 2]  # right, none, wrong
+    assert bars.patches[2].get_x() == 98 and "right 94.0, none 4.0, wrong 2.0" in bars.texts[0].get_text()
     steps = failures_page.limit_steps(limits)
     assert [step.label for step in steps] == ["0", "0.5", "0.9"]
     assert steps[2].title == "frames: 80.0 % right, 0.0 % wrong; events: 50.0 % right, 0.0 % wrong"
