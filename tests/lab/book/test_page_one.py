@@ -43,8 +43,8 @@ def of_tables() -> dict:
         "degrees_noise": misfit[NOISE],
         "degrees_literal": misfit[LITERAL],
         "degrees_askew": misfit[ASKEW],
-        "intro_default_right": rates.right_percent.min(),
-        "intro_default_wrong": rates.wrong_percent.max(),
+        "intro_default_right": np.floor(rates.right_percent.min()),  # at least, and at most
+        "intro_default_wrong": np.ceil(10 * rates.wrong_percent.max()) / 10,
         "intro_position_fused": 1e3 * by_rung["position_error_m", "fused"],
         "intro_clean": len(clean),
         "intro_clean_right": clean.ring_right.sum(),
