@@ -154,7 +154,7 @@ def draw_limit(limits: pd.DataFrame, limit: float):
     fig, (left, bars) = plt.subplots(1, 2, figsize=(7.6, 3.0), width_ratios=(3, 2))
     for y, modality in zip((1, 0), MODALITIES, strict=True):
         rows, colour = limits[limits.modality == modality], COLOUR[modality]
-        at = rows[np.isclose(rows.limit, limit)].iloc[0]
+        at = rows[rows.limit == limit].iloc[0]
         left.plot(rows.wrong_percent, rows.right_percent, "-", lw=1, color=colour, label=CAMERAS[modality])
         left.plot(at.wrong_percent, at.right_percent, "o", ms=7, color=colour)
         parts = at.right_percent, 100 - at.right_percent - at.wrong_percent, at.wrong_percent

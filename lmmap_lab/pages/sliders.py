@@ -48,11 +48,8 @@ def broken(lines_px) -> np.ndarray:
 
 def picture(fig) -> np.ndarray:
     """A figure as an image (H, W, 3) of a `Step`, in [0, 1], on white; closes the figure."""
-    file = BytesIO()
-    fig.savefig(file, format="png", transparent=False, facecolor="white", dpi=130)
-    plt.close(fig)
-    pixels = cv2.imdecode(np.frombuffer(file.getvalue(), np.uint8), cv2.IMREAD_COLOR)
-    return pixels[..., ::-1] / 255
+    png = np.frombuffer(_png(fig, transparent=False, facecolor="white", dpi=130), np.uint8)
+    return cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1] / 255
 
 
 class Strip:
@@ -152,9 +149,9 @@ def _draw(ax, step: Step) -> None:
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
 
 
-def _png(drawn) -> bytes:
+def _png(drawn, **options) -> bytes:
     file = BytesIO()
-    drawn.savefig(file, format="png")
+    drawn.savefig(file, format="png", **options)
     plt.close(drawn)
     return file.getvalue()
 
