@@ -35,7 +35,7 @@ def version() -> str | None:
 
 @cache
 def reader(name: str) -> Any:
-    """Import and return the function that lmmap_readers registers under a name; None if there is none.
+    """Import and return the function that lmmap_readers registers under a name, or return None.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def reader(name: str) -> Any:
 
 
 def needed(name: str, what: str | Path) -> Any:
-    """As `reader`, but raise `NotInstalled`, which says that ``what`` needs it, if there is none."""
+    """As `reader`, but if it returns None, raise `NotInstalled`, which says that ``what`` needs it."""
     if (found := reader(name)) is None:
         raise NotInstalled(f"{what}: needs lmmap_readers, which is not installed; pip install lmmap")
     return found
@@ -80,7 +80,7 @@ def call(what: str, function: str, *arguments):
 
 
 def first(what: str, group: str, *arguments):
-    """As `call`, for the function that a group's first entry point names; `NotInstalled` if there is none."""
+    """As `call`, for the function of a group's first entry point; `NotInstalled` if the group is empty."""
     for function in entry_points(group).values():
         return call(what, function, *arguments)
     raise NotInstalled(f"{what}: needs the laboratory of the book; {INSTALL}")

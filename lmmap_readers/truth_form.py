@@ -21,7 +21,7 @@ MAX_STEP_S = 3.0  # beyond, straight lines between poses are no truth
 
 def other(estimates: list[Estimate], truth: Trajectory, yaw_period_rad: float) -> str | None:
     """The form of the truth with which most estimates agree, in words; None if it is the one that was read,
-    or if there is none."""
+    or if no form fits."""
     times_us = np.array([e.t_us for e in estimates], np.int64)
     posed = truth.covers(times_us) & np.array([e.T_cam_port is not None for e in estimates], bool)
     if np.sum(posed) < FEWEST:

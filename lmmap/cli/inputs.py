@@ -139,7 +139,7 @@ def check_rate(name: str, rate_hz: float | None, what: str) -> None:
 
 
 def find_rig(a: Namespace):
-    """The rig beside the named recording; None if there is none, or its reader is not installed."""
+    """The rig beside the named recording, or None if no rig is there or its reader is not installed."""
     return find(read_from(a)) if (find := plugins.reader("rig")) else None
 
 

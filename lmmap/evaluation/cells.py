@@ -31,20 +31,20 @@ class Cell(NamedTuple):
 
 
 def median(values: np.ndarray) -> float:
-    """Median of the finite values among (N,); NaN if there are none."""
+    """Median of the finite values in (N,), or NaN if no value is finite."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
 
 def root_mean_square(values: np.ndarray) -> float:
-    """Root mean square of the finite values among (N,); NaN if there are none."""
+    """Root mean square of the finite values in (N,), or NaN if no value is finite."""
     known = values[np.isfinite(values)]
     each_once = np.ones(len(known))  # adds up as the bootstrap does, to the last digit
     return float(np.sqrt(each_once @ known**2 / len(known))) if len(known) else np.nan
 
 
 def percent(flags: np.ndarray) -> float:
-    """Percentage of ones among the flags (N,) that are not NaN; NaN if there are none."""
+    """Percentage of ones among the flags (N,) that are not NaN, or NaN if all of them are."""
     known = flags[np.isfinite(flags)]
     return float(100 * np.mean(known)) if len(known) else np.nan
 

@@ -80,7 +80,7 @@ def histogram(x: ArrayLike, y: ArrayLike, size_px: tuple[int, int]) -> np.ndarra
 
 @checked
 def middle_us(events: np.ndarray) -> int:
-    """Midpoint (us) of the span of events (M,), the time of their histogram; ValueError if there are none."""
+    """Midpoint (us) of the span of events (M,), the time of their histogram; ValueError if M is zero."""
     if not len(check_events(events)):
         raise ValueError("events: expected at least one, got none")
     return (int(events["t_us"][0]) + int(events["t_us"][-1])) // 2

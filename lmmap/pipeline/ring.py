@@ -25,7 +25,7 @@ MAX_WIDTHS = 4.0  # of the image, that a ring's semi-axis may have: what is samp
 
 
 def find_ring(mask: np.ndarray, setup: Setup, near: Ellipse | None = None) -> Contour | Status:
-    """Find the ring's contour in a mask (H, W), free of lens distortion; or return why there is none.
+    """Find the ring's contour in a mask (H, W), free of lens distortion, or return why it fails.
 
     Search first where the ring is expected, then among the mask's strong blobs and, if they hold none, in
     the whole mask.
