@@ -31,7 +31,7 @@ from lmmap_lab.studies import odometry, odometry_files, sequence_files
 
 SECONDS = {"quick": 40.0, "paper": 210.0}  # of each sequence
 STARTS = (0.0, 0.25, 0.5)  # where in the sequence a run begins
-RUNS = 2  # of each start, by default: neither system is deterministic
+RUNS = 2  # of each start, by default: ORB-SLAM3 is not deterministic
 TIMEOUT_S = 600.0  # beyond a run's own length: it hangs, or the machine is far too busy
 OWN_TIMEOUT_S = 7200.0  # EVO here reads a file as fast as it can, and cannot hang
 PYTHON, HERE = ROOT / ".venv-vo" / "bin" / "python", Path(__file__).parent
