@@ -78,7 +78,7 @@ def test_page_one_and_readme_say_of_the_five_degrees_what_the_study_and_the_verd
     study = load_table(five_degrees_study.COMMITTED).query("variation == 'as it is'").set_index("hypothesis")
     noise, literal, askew = (study.misfit[name] for name in (NOISE, LITERAL, ASKEW))
     assert f"misfit of {noise:.3f}; two explanations fit, a biased formula ({literal:.3f}) and" in README
-    assert f"a misaligned truth ({askew:.3f})" in README and "systematic, not noise" in README
+    assert f"a misaligned ground truth ({askew:.3f})" in README and "systematic, not noise" in README
     claims = load_table(COMMITTED / "claims.csv").set_index("key")
     assert claims.verdict["sensitivity_explains"] == FAILS, "or it is not said so"
     assert claims.ours["sensitivity_explains"].startswith(f"{noise:.3f}; {literal:.3f}; ")
@@ -163,7 +163,7 @@ def test_simulated_is_said_where_a_new_place_is_judged():
         )
         assert not re.search(r"\b(other|another|foreign) laboratory", words), place
     assert "second simulated scene" in README
-    assert "come from a simulation of ours" in PAGES["intro.md"].split("```{code-cell}")[1]
+    assert "come from our own simulation" in PAGES["intro.md"].split("```{code-cell}")[1]
 
 
 SHARES = ["right_percent", "wrong_percent", "none_percent", "images"]
