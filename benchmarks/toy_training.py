@@ -19,12 +19,14 @@ SHAPE = (100, 104)
 
 
 def write_samples(folder: Path, rng) -> list[str]:
-    """Ten sequences of two small images with a bright square as the ring; their names."""
+    """Ten sequences of two small images with a bright square as the ring, its middle as a marker; their
+    names."""
     names = [f"augmented-{i}" for i in range(10)]
     for name in names:
         labels = np.zeros((2, *SHAPE), np.uint8)
         row, column = rng.integers(20, 60, 2)
-        labels[:, row : row + 12, column : column + 12] = 3
+        labels[:, row : row + 12, column : column + 12] = 1
+        labels[:, row + 4 : row + 8, column + 4 : column + 8] = 3
         counts = np.where(labels > 0, 7, rng.integers(0, 3, labels.shape))
         events = np.full((2, 3 * counts[0].size), dataset.NO_EVENT, np.uint32)
         for line, image in zip(events, counts, strict=True):

@@ -91,7 +91,7 @@ def cost(net: FilterNet, channels: int) -> dict:
     height, width = judged_images.CAMERA.size_px[::-1]
     with torch.inference_mode():
         net(torch.zeros(1, channels, height, width))
-    last = net.up[2].weight.numel() * -(-height // 2) * -(-width // 2)  # `up_to_one_channel` is no layer
+    last = net.up[2].weight.numel() * -(-height // 2) * -(-width // 2)  # `up_to_masks` is no layer
     return {"parameters": sum(p.numel() for p in net.parameters()), "gmacs": 1e-9 * (sum(macs) + last)}
 
 

@@ -28,6 +28,10 @@ class Box(NamedTuple):
         """Whether another box lies entirely inside this one."""
         return bool(np.all(other.low_px >= self.low_px) and np.all(other.high_px <= self.high_px))
 
+    def around(self, other: Box) -> Box:
+        """The smallest box that holds this one and another."""
+        return Box(np.minimum(self.low_px, other.low_px), np.maximum(self.high_px, other.high_px))
+
 
 def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, slice]:
     """Rows and columns of a crop on which a network gives, within a box, the same mask as on the whole image.
@@ -56,15 +60,17 @@ def crop_bounds(low_px, high_px, size_px, network=MaskNetwork) -> tuple[slice, s
 
 
 def mask_about(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
-    """A network's mask (H, W) of an image: correct within a box, zero outside the crop computed for it."""
+    """A network's mask (H, W) of an image, or masks (M, H, W): correct within a box, zero outside the crop
+    computed for it."""
     crop = crop_bounds(low_px, high_px, image.shape[1::-1], network)
-    mask = np.zeros(image.shape[:2], np.float32)
-    mask[crop] = network(image[crop])
+    part = network(image[crop])
+    mask = np.zeros((*part.shape[:-2], *image.shape[:2]), np.float32)
+    mask[(..., *crop)] = part
     return mask
 
 
 def mask_within(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
-    """A network's mask (H, W) of an image: within a box the same as on the whole image, and zero elsewhere.
+    """As `mask_about`: within a box the same as on the whole image, and zero elsewhere.
 
     In float32 on one thread the values are equal bit by bit.  On more threads oneDNN adds up the second
     transposed convolution in an order that depends on the image's size, and they differ by about 1e-8.
@@ -73,7 +79,7 @@ def mask_within(network, image: np.ndarray, low_px, high_px) -> np.ndarray:
     low, high = np.clip([np.floor(low_px), np.ceil(high_px)], 0, last).astype(int)
     start = np.clip((low + high - LEAST_CROP_PX) // 2, 0, np.maximum(last - LEAST_CROP_PX, 0))
     whole = mask_about(network, image, np.minimum(low, start), np.maximum(high, start + LEAST_CROP_PX))
-    box, mask = np.s_[low[1] : high[1] + 1, low[0] : high[0] + 1], np.zeros_like(whole)
+    box, mask = np.s_[..., low[1] : high[1] + 1, low[0] : high[0] + 1], np.zeros_like(whole)
     mask[box] = whole[box]
     return mask
 

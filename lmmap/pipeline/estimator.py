@@ -110,7 +110,7 @@ class Estimator(ImageEstimator):
             return Estimate(t_us, ring)
         circles = (circle.poses if near else circle.candidates)(ring.ellipse, grid, port.ring_radius_m)
         box = markers_box_px(circles, port, grid, settings.marker_border_px)
-        if not (near and near.markers.holds(box)):
+        if seen.reflectors is None or (near and not near.markers.holds(box)):
             seen = seen._replace(reflectors=mask_about(self.reflector_network, image, *box))
         weights = settings.yaw_weights[setup.modality]
         fit = fast_yaw(seen.reflectors, circles[:2], port, grid, settings, seen.edges, weights)

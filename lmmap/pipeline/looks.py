@@ -20,8 +20,8 @@ import numpy as np
 from ..settings import Settings
 from ..types import Estimate
 from .agreement import alike, in_doubt, joined, needs_more_events
+from .joint_network import turned_too
 from .masks import Expected
-from .network import TurnedToo
 from .rescale import enlarged_cameras
 
 
@@ -40,7 +40,7 @@ def further_looks(estimator, learned=None) -> list[FurtherLook]:
     whose networks have ``learned``."""
     looks, settings = [], estimator.settings
     if settings.turned_look:
-        ring, reflectors = TurnedToo(estimator.ring_network), TurnedToo(estimator.reflector_network)
+        ring, reflectors = turned_too([estimator.ring_network, estimator.reflector_network])
         turned = one_look(estimator, ring_network=ring, reflector_network=reflectors)
         looks.append(FurtherLook(turned, in_doubt, _join(estimator)))
     for grid in enlarged_cameras(estimator.camera, estimator.modality, settings):

@@ -1,6 +1,7 @@
 """What the networks see in an image: the ring's mask, and the reflectors' mask where markers can be.
 
-If the port is expected somewhere in the image, both networks run only on crops around that place.
+If the port is expected somewhere in the image, both networks run only on crops around that place, and a
+network of both masks (`joint_network`) on one around all of it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..settings import OURS
 from ..types import Camera, Ellipse, Port, Pose
 from . import outline
 from .crops import Box, at_once, mask_about, mask_within
+from .joint_network import common
 
 
 class Expected(NamedTuple):
@@ -29,7 +31,7 @@ class Expected(NamedTuple):
 
 class Seen(NamedTuple):
     """An image's ring mask and `outline.edges`, (H, W) each; if the port was expected somewhere, also the
-    reflector mask around the expected markers."""
+    reflector mask around the expected markers, and on the whole image from a network of both masks."""
 
     ring: np.ndarray
     edges: np.ndarray
@@ -38,6 +40,10 @@ class Seen(NamedTuple):
 
 def look(image: np.ndarray, ring_network, reflector_network, near: Expected | None = None) -> Seen:
     """Compute what is `Seen` of the port in an image before its ring is known."""
+    both = common(ring_network, reflector_network)
+    if both is not None:
+        masks = mask_within(both, image, *near.ring.around(near.markers)) if near else both(image)
+        return Seen(masks[ring_network.index], outline.edges(image), masks[reflector_network.index])
     if near is None:
         return Seen(ring_network(image), outline.edges(image))
     ring, (reflectors, edges) = at_once(

@@ -44,25 +44,27 @@ RECEPTIVE_RADIUS_PX = max(abs(end - at) for at in range(STRIDE_PX) for end in in
 
 
 class FilterNet(nn.Module):
-    """Logits (N, 1, H, W) of images (N, C, H, W) of any size, padded internally to whole strides by repeating
-    their edges.
+    """Logits (N, M, H, W) of images (N, C, H, W) of any size, padded internally to whole strides by repeating
+    their edges.  The paper's networks give one mask each, M = 1.
 
     Parameters
     ----------
     channels : number of channels of the images
-    prior : fraction of positive pixels that an untrained network expects
+    prior : fraction of positive pixels that an untrained network expects, or one for each of M masks
     widths : channels after each convolution; the paper's are `WIDTHS`
     depthwise : make the inner convolutions depthwise separable (Howard et al. 2017)
     """
 
-    def __init__(self, channels: int, prior: float = 0.5, widths=WIDTHS, depthwise: bool = False):
+    def __init__(self, channels: int, prior=0.5, widths=WIDTHS, depthwise: bool = False):
         super().__init__()
         a, b, c = widths
+        priors = np.atleast_1d(prior)
         side: dict[str, Any]
         up: dict[str, Any]
         side, up = dict(padding=KERNEL // 2), dict(stride=2, padding=KERNEL // 2, output_padding=1)
         down: list = [nn.Conv2d(i, o, KERNEL, **side) for i, o in pairwise((channels, a, b, c))]
-        back: list = [nn.ConvTranspose2d(i, o, KERNEL, **up) for i, o in ((c, b), (2 * b, a), (2 * a, 1))]
+        ends = (c, b), (2 * b, a), (2 * a, len(priors))
+        back: list = [nn.ConvTranspose2d(i, o, KERNEL, **up) for i, o in ends]
         if depthwise:
             down[1:] = [nn.Sequential(nn.Conv2d(i, i, KERNEL, **side, groups=i), nn.Conv2d(i, o, 1))
                         for i, o in ((a, b), (b, c))]  # fmt: skip
@@ -74,15 +76,16 @@ class FilterNet(nn.Module):
             if hasattr(layer, "weight"):
                 nn.init.kaiming_normal_(layer.weight)
                 nn.init.zeros_(layer.bias)
+        back[-1].weight.data *= len(priors) ** 0.5  # as if each mask were the only one
         # rare pixels: start at the prior, or cross-entropy spends its first epochs learning it
-        nn.init.constant_(cast(torch.Tensor, self.up[-1].bias), float(np.log(prior / (1 - prior))))
+        back[-1].bias.data[:] = torch.from_numpy(np.log(priors / (1 - priors)))
 
     @classmethod
-    def shaped_as(cls, tensors, channels: int) -> FilterNet:
+    def shaped_as(cls, tensors, channels: int, masks: int = 1) -> FilterNet:
         """An untrained network with the widths of the tensors in a state dict."""
         widths = [next(len(tensors[n]) for n in (f"down.{k}.1.weight", f"down.{k}.weight") if n in tensors)
                   for k in range(len(WIDTHS))]  # fmt: skip
-        return cls(channels, widths=widths, depthwise="down.1.1.weight" in tensors)
+        return cls(channels, [0.5] * masks, widths, depthwise="down.1.1.weight" in tensors)
 
     def forward(self, x):
         height, width = x.shape[-2:]
@@ -94,25 +97,25 @@ class FilterNet(nn.Module):
             pooled.append(x)
         x = torch.cat([F.relu(self.up[0](x)), pooled[1]], 1)
         x = F.relu(self.up[1](x)), pooled[0]
-        return up_to_one_channel(x, self.up[2].weight, self.up[2].bias)[..., :height, :width]
+        return up_to_masks(x, self.up[2].weight, self.up[2].bias)[..., :height, :width]
 
 
-def up_to_one_channel(parts, weight, bias):
+def up_to_masks(parts, weight, bias):
     """The last transposed convolution, over the channels (N, C, H, W) of all parts together: one product for
-    each pixel's nine taps, then sums by parity.  The result equals that of the general operation, which is
-    made for many output channels and is several times slower here.
+    each pixel's nine taps of each mask, then sums by parity.  The result equals that of the general
+    operation, which is made for many output channels and is several times slower here.
 
     Along one axis ``y[2i] = w[1] x[i]`` and ``y[2i + 1] = w[2] x[i] + w[0] x[i + 1]``.
     """
-    kernels = weight[:, 0].flatten(1).T.split([x.shape[1] for x in parts], 1)
+    kernels = weight.flatten(1).T.split([x.shape[1] for x in parts], 1)
     taps: Any = sum(F.conv2d(x, k[..., None, None]) for x, k in zip(parts, kernels, strict=True))
     exact = torch.promote_types(taps.dtype, torch.float32)
-    taps = taps.to(exact).unflatten(1, (3, 3))
+    taps = taps.to(exact).unflatten(1, (-1, 3, 3))
     for axis in (-2, -1):
-        before, at, after = taps.unbind(1)
+        before, at, after = taps.unbind(2)
         following = F.pad(before.narrow(axis, 1, before.shape[axis] - 1), (0, axis == -1, 0, axis == -2))
         taps = torch.stack([at, after + following], axis).flatten(axis - 1, axis)
-    return taps[:, None] + bias.to(exact)
+    return taps + bias.to(exact)[:, None, None]
 
 
 def best_precision() -> str:
@@ -143,7 +146,8 @@ def encode(images: np.ndarray, modality: str) -> torch.Tensor:
 
 
 class MaskNetwork:
-    """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``.
+    """A trained `FilterNet`, called on one image: ``(H, W, 3) u8`` or ``(H, W)`` counts -> ``(H, W)``, or
+    ``(M, H, W)`` if it gives several masks.
 
     ``precision`` is ``"float32"``, ``"bfloat16"`` or ``"auto"`` (`best_precision`); masks are float32.
 
@@ -172,7 +176,7 @@ class MaskNetwork:
         if not np.all(np.isfinite(image)):
             raise ValueError("MaskNetwork: the image holds NaN or infinite values")
         x = encode(image[None], self.modality).to(dtype=self._dtype, memory_format=torch.channels_last)
-        logits = np.ascontiguousarray(self._net(x)[0, 0].float().numpy())
+        logits = np.ascontiguousarray(self._net(x)[0].squeeze(0).float().numpy())
         with np.errstate(
             over="ignore"
         ):  # torch's sigmoid rounds the ends of rows otherwise than their middle
@@ -192,7 +196,7 @@ class TurnedToo:
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
         turned = self._network(np.ascontiguousarray(image[::-1, ::-1]))
-        return (self._network(image) + turned[::-1, ::-1]) / 2
+        return (self._network(image) + turned[..., ::-1, ::-1]) / 2
 
     def _inputs_of(self, first: int, last: int) -> tuple[int, int]:
         lowest, highest = self._network.inputs_of(first, last)

@@ -17,6 +17,7 @@ from ..documents import read_json
 from ..files import atomic, read_text, regular_file
 from ..shipped import DATA
 from ..types import InputError
+from .joint_network import mask_networks
 from .network import CHANNELS, FilterNet, MaskNetwork
 
 BEFORE = "before"  # folder of the networks from before, in one of networks that have learned
@@ -131,9 +132,11 @@ def own_limit(weights: str | Path, modality: str) -> float:
     return max(limits)
 
 
-def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list[MaskNetwork]:
-    """Load the networks of the ring and of the reflectors from `network_paths`; errors as `load_filter`."""
-    return [load_network(path, modality, precision) for path in network_paths(weights, modality)]
+def load_networks(weights: str | Path, modality: str, precision: str = "auto") -> list:
+    """Load the networks of the ring and of the reflectors from `network_paths`, as
+    `joint_network.mask_networks`; errors as `load_filter`."""
+    filters = [load_filter(path, modality) for path in network_paths(weights, modality)]
+    return mask_networks(filters, modality, precision)
 
 
 def weight_hashes(weights: str | Path, modality: str) -> dict[str, str]:

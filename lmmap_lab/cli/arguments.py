@@ -93,7 +93,8 @@ def photometry(commands: Commands) -> None:
 def train(commands: Commands) -> None:
     text = "train the mask networks, or continue an interrupted training"
     command = commands.add("train", "lmmap_lab.cli.bench:train", text)
-    command.add_argument("--filter", choices=FILTERS, help="which of the two networks (default: both)")
+    which = "which of the two networks, or both as one network (default: each by itself)"
+    command.add_argument("--filter", choices=(*FILTERS, "joint"), help=which)
     command.add_argument("--modality", choices=MODALITIES, help="which images (default: both)")
     commands.add_networks(command, "which set of networks (default: all)")
     command.add_argument("--seed", type=int, default=0, help="seed of the random numbers (default: 0)")

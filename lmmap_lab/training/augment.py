@@ -1,7 +1,8 @@
 """Variations of training images: what exposure, lens, sensor, storage and clutter do to real ones.
 
 Images are float32: frames (H, W, 3) in [0, 255], linear in light, or histograms (H, W) of counts.  Masks are
-(H, W) bool.  No function writes into its arguments; each draws from its argument ``rng``.
+(H, W) bool of one filter, or u8 with a bit for each of both.  No function writes into its arguments; each
+draws from its argument ``rng``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,13 @@ import numpy as np
 
 HISTOGRAM_EVENTS = (0.5, 2.0)  # of the paper's N: what the robust filters see
 STROKE_PX = (1, 3)  # width of the lines that stand for seams and scratches
+
+
+def each_mask(mask):
+    """Masks (..., M, H, W) bool: the one mask (..., H, W) bool, or those of the bits of both filters."""
+    if mask.dtype == bool:
+        return mask[..., None, :, :]
+    return np.stack([mask & 1, mask >> 1 & 1], -3).astype(bool)
 
 
 def flip(arrays, rng):
@@ -76,7 +84,8 @@ def clutter(image, mask, other, rng):
     radii = reach * rng.uniform(0.5, 1, len(angles))
     corners = centre + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
     cover = cv2.fillPoly(np.zeros(mask.shape, np.uint8), [np.rint(corners).astype(np.int32)], 1).astype(bool)
-    return np.where(cover if image.ndim == 2 else cover[..., None], other, image), mask & ~cover
+    image = np.where(cover if image.ndim == 2 else cover[..., None], other, image)
+    return image, np.where(cover, False, mask)
 
 
 def seams(image, mask, rng, most: int = 4):
@@ -93,7 +102,7 @@ def seams(image, mask, rng, most: int = 4):
         step = np.rint(reach * np.array([np.cos(angle), np.sin(angle)])).astype(int)
         ends = [tuple(int(v) for v in (column, row) + sign * step) for sign in (-1, 1)]
         cv2.line(lines, ends[0], ends[1], 1, int(rng.integers(*STROKE_PX)))
-    at = (lines > 0) & mask
+    at = (lines > 0) & (mask > 0)
     out[at] = out[at] * rng.uniform(0, 0.5) if image.ndim == 3 else rng.poisson(rng.uniform(0, 4), at.sum())
     return out
 

@@ -22,12 +22,12 @@ MASK_LOSS: Loss = F.binary_cross_entropy_with_logits
 
 
 class AnySamples(Protocol):
-    """Images and one filter's masks of them, as `dataset.Samples`."""
+    """Images and the masks of one filter or of both, as `dataset.Samples`."""
 
     def __len__(self) -> int: ...
 
     def mask(self, index: int) -> np.ndarray:
-        """Boolean mask (H, W)."""
+        """Mask (H, W) bool, or u8 with a bit for each filter."""
 
     def image(self, index: int, events: int) -> np.ndarray:
         """Frame (H, W, 3), or histogram (H, W) of this many events."""
@@ -38,12 +38,12 @@ def make_batch(samples: AnySamples, recipe: Recipe, step: int, encode=encode):
 
     Returns
     -------
-    input (B, C, S, S) f32, target (B, 1, S, S) f32
+    input (B, C, S, S) f32, target (B, M, S, S) f32 of M masks
     """
     rng = np.random.default_rng([recipe.seed, step])
     pairs = [_crop(samples, recipe, rng) for _ in range(recipe.batch)]
     x, y = (np.stack([pair[i] for pair in pairs]) for i in (0, 1))
-    return encode(x, recipe.modality), torch.from_numpy(y).float().unsqueeze(1)
+    return encode(x, recipe.modality), torch.from_numpy(augment.each_mask(y)).float()
 
 
 def _crop(samples, recipe, rng):
@@ -52,7 +52,9 @@ def _crop(samples, recipe, rng):
     mask, other = samples.mask(index), rng.integers(len(samples))
     events = events_of(recipe, rng)
     corner = rng.integers(0, np.array(mask.shape) - size + 1)
-    positive = np.flatnonzero(mask) if rng.random() < recipe.positive_crops else ()
+    # markers have few pixels: half of the crops that want positive ones want theirs
+    wanted = mask if mask.dtype == bool else augment.each_mask(mask)[int(rng.random() < 0.5)]
+    positive = np.flatnonzero(wanted) if rng.random() < recipe.positive_crops else ()
     if len(positive):
         pixel = np.array(np.unravel_index(positive[rng.integers(len(positive))], mask.shape))
         corner = np.clip(pixel - rng.integers(0, size, 2), 0, np.array(mask.shape) - size)

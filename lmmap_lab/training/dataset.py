@@ -23,6 +23,8 @@ from lmmap.types import Port, Recording
 from ..bench import labels, sequences, varied
 from ..bench.renderer import ray_grid
 from ..provenance import fingerprint
+from .augment import each_mask
+from .recipe import JOINT
 
 AUGMENTED, REALISTIC, VARIED = 240, 120, 400  # numbers of sequences
 MORE_HIGH, PRINTED = 180, 180  # further ones, all in high light: varied, and on printed covers
@@ -148,18 +150,18 @@ def _memory_map(path: Path) -> np.ndarray:
 
 
 class Samples:
-    """The samples of several sequences for one filter; arrays stay on disk until one is asked for.
+    """The samples of several sequences for one filter or both; arrays stay on disk until one is asked for.
 
     Parameters
     ----------
     names : sequences; some may have no sample of this modality
-    filter_name, modality : one of `FILTERS`; ``"rgb"`` or ``"event"``
+    filter_name, modality : one of `FILTERS` or `recipe.JOINT`; ``"rgb"`` or ``"event"``
     folder : where `make_samples` wrote
     """
 
     def __init__(self, names: list[str], filter_name: str, modality: str, folder: Path):
         self.names, self.modality, self.folder = list(names), modality, folder
-        self._bit = FILTERS.index(filter_name)
+        self._bits = sum(1 << k for k, name in enumerate(FILTERS) if filter_name in (name, JOINT))
         self._places = [(n, i) for n in self.names for i in range(len(self._array(n, "_labels")))]
 
     def _array(self, name: str, suffix: str = "") -> np.ndarray:
@@ -169,9 +171,10 @@ class Samples:
         return len(self._places)
 
     def mask(self, index: int) -> np.ndarray:
-        """Boolean mask (H, W)."""
+        """Mask (H, W) of one filter, bool; of both, u8 with a bit for each."""
         name, i = self._places[index]
-        return (np.asarray(self._array(name, "_labels")[i]) >> self._bit & 1).astype(bool)
+        mask = np.asarray(self._array(name, "_labels")[i]) & self._bits
+        return mask > 0 if self._bits in (1, 2) else mask
 
     def image(self, index: int, events: int = PAPER.events_per_window) -> np.ndarray:
         """Frame (H, W, 3) u8, or histogram (H, W) u16 of the ``events`` events nearest the mask's time."""
@@ -184,9 +187,10 @@ class Samples:
         counts = np.bincount(pixels[pixels != NO_EVENT], minlength=height * width)
         return counts.reshape(height, width).astype(np.uint16)
 
-    def positive_share(self) -> float:
-        """Share of pixels in the masks: the class prior."""
-        return float(np.mean([self.mask(i).mean() for i in range(0, len(self), max(len(self) // 100, 1))]))
+    def positive_share(self):
+        """Share of pixels in the masks: the class prior; of both filters, (2,)."""
+        some = range(0, len(self), max(len(self) // 100, 1))
+        return np.mean([each_mask(self.mask(i)).mean((-2, -1)) for i in some], 0).squeeze()[()]
 
     def made_of(self) -> str:
         """Fingerprints of what made the samples: the bench, the varied laboratories, or ``recordings``."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from lmmap.pipeline.network import CHANNELS, FilterNet
@@ -58,7 +59,7 @@ def card_of(recipe: Recipe, samples, held_out, prior: float, device: str, curve:
         if gap
     }
     return {"command": recipe.command, "recipe": asdict(recipe), "commit": commit(),
-            "bench": samples.made_of(), "prior": round(prior, 6),
+            "bench": samples.made_of(), "prior": np.round(prior, 6).tolist(),
             "training_sequences": samples.names, "validation_sequences": held_out.names,
             "training_images": len(samples), "validation_images": len(held_out),
             "device": device, "threads": torch.get_num_threads(), "torch": torch.__version__,

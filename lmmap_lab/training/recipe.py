@@ -15,6 +15,7 @@ SHIPPED = {
     "robust": {"steps": 50_000, "rate": 3e-3, "start_from": "low"},
     "slim": {"steps": 40_000, "rate": 3e-3, "width": 0.5, "teacher": "robust"},
 }
+JOINT = "joint"  # in place of a filter: both of them as one network
 FAST = 1e-2  # a rate with which a filter learns several times faster from chance than with 1e-3
 
 
@@ -39,19 +40,24 @@ class Recipe:
     data: str = ""  # name of a folder of recordings, in place of the bench
 
     def __post_init__(self):
-        named = (("filter", FILTERS), ("modality", CHANNELS), ("networks", SHIPPED))
+        named = (("filter", (*FILTERS, JOINT)), ("modality", CHANNELS), ("networks", SHIPPED))
         for name, allowed in named:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"Recipe: {name} is one of {list(allowed)}, got {getattr(self, name)!r}")
         if self.steps < 1 or self.batch < 1:
             raise InputError(f"--steps {self.steps}: a training has at least 1 step")
+        if self.filter == JOINT and self.start_from:
+            text = "its networks have one mask each, so a joint one cannot begin with them; leave it out"
+            raise InputError(f"--start-from {self.start_from}: {text}")
         if not 0 <= self.seed < 2**63:
             raise InputError(f"--seed {self.seed}: give a whole number from 0 to 2^63 - 1")
 
     @classmethod
     def of_shipped(cls, name: str, modality: str, networks: str, **changes) -> Recipe:
-        """The recipe of weights that ship, with what is to be another."""
-        return cls(name, modality, networks, **{**SHIPPED[networks], **changes})
+        """The recipe of weights that ship, with what is to be another; a joint network begins with no other
+        and has no teacher."""
+        alone = {"start_from": "", "teacher": ""} if name == JOINT else {}
+        return cls(name, modality, networks, **{**SHIPPED[networks], **alone, **changes})
 
     @property
     def widths(self) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from lmmap.pipeline.network import SATURATION, STRIDE_PX, FilterNet, up_to_one_channel
+from lmmap.pipeline.network import SATURATION, STRIDE_PX, FilterNet, up_to_masks
 
 LEAST_CEILING = 1e-3  # of a channel that is silent in all images
 SURROGATE_WIDTH = 1.0  # of the triangle that stands for the derivative of a spike, in thresholds
@@ -147,7 +147,7 @@ class SpikingNet(nn.Module):
         for neurons, up, beside in zip(layers[3:], net.up[:2], (spikes[1], spikes[0]), strict=True):
             spikes.append(neurons(F.conv_transpose2d(x, up.weight, up.bias * share, 2, 1, 1)))
             x = torch.cat([spikes[-1], beside], 1)
-        return spikes, up_to_one_channel((x,), net.up[2].weight, net.up[2].bias * share)
+        return spikes, up_to_masks((x,), net.up[2].weight, net.up[2].bias * share)
 
 
 def padded(x: torch.Tensor) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Training a filter: its data, network, validation and weights; the loop is `batches.learn`.
+"""Training a filter, or both as one network: data, network, validation, weights; the loop is `batches.learn`.
 
 The paper trains with Adam and binary cross-entropy, and cuts its data 80/20.  Our cut is by sequence, not by
 frame, so that no validation frame has a neighbour in training.  Ours are also: crops, most of them on
@@ -15,13 +15,15 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from lmmap.pipeline.joint_network import apart
 from lmmap.pipeline.network import CHANNELS, encode
-from lmmap.pipeline.weights import load_card, save_weights, weight_path
+from lmmap.pipeline.weights import FILTERS, load_card, save_weights, weight_path
 
 from . import dataset
+from .augment import each_mask
 from .batches import half_precision, learn, make_batch
 from .learning import card_of, seeded, shipped, teacher_of, untrained
-from .recipe import Recipe
+from .recipe import JOINT, Recipe
 
 CHECKPOINT_STEPS, CHECKED_IMAGES = 250, 32  # steps between checks, and held-out images of each check
 VALIDATION_IMAGES = 128  # of the last check, spread evenly
@@ -31,19 +33,21 @@ VALIDATION_IMAGES = 128  # of the last check, spread evenly
 def validate(net: torch.nn.Module, samples: dataset.Samples, most: int = VALIDATION_IMAGES,
              encode=encode) -> dict:  # fmt: skip
     """Mean loss over the pixels of up to ``most`` images, and the intersection over union of all masks
-    together."""
+    together; of a network of several masks, a list of each."""
     net.eval()
-    device, loss, inter, union = next(net.parameters()).device, 0.0, 0, 0
+    device, loss, counts = next(net.parameters()).device, 0.0, []
     indices = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
     for i in indices:
         x = encode(samples.image(i)[None], samples.modality).to(device, memory_format=torch.channels_last)
         with half_precision(device):
-            logits = net(x)[0, 0].float()
-        target = torch.from_numpy(samples.mask(i)).to(device)
+            logits = net(x)[0].float()
+        target = torch.from_numpy(each_mask(samples.mask(i))).to(device)
         loss += F.binary_cross_entropy_with_logits(logits, target.float()).item() / len(indices)
-        inter += (target & (logits > 0)).sum().item()
-        union += (target | (logits > 0)).sum().item()
-    return {"loss": round(loss, 6), "iou": round(inter / max(union, 1), 4), "images": len(indices)}
+        found = logits > 0
+        counts.append(torch.stack([target & found, target | found]).sum((-2, -1)).cpu())
+    inter, union = torch.stack(counts).sum(0)
+    iou = [round(i / max(u, 1), 4) for i, u in zip(inter.tolist(), union.tolist(), strict=True)]
+    return {"loss": round(loss, 6), "iou": iou if len(iou) > 1 else iou[0], "images": len(indices)}
 
 
 def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = None, names=None,
@@ -52,6 +56,8 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
           samples_of: Callable[..., dataset.Samples] = dataset.Samples,
           encode=encode, device: str = "") -> Path:  # fmt: skip
     """Train one filter, resume it from its checkpoint, and save its weights; returns their path.
+
+    Of both, trained as one network, the weights of each are saved; the path is then the ring's.
 
     Parameters
     ----------
@@ -101,11 +107,17 @@ def train(recipe: Recipe, folder: Path, report=print, weights: Path | None = Non
             first = step if first is None else first
             if step > first and curve and curve[-1]["step"] == step:
                 left_min = (time.monotonic() - start_s) / (step - first) * (recipe.steps - step) / 60
-                report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou:.3f}, {:.0f} min left".format(
+                report("{}: step {step} of {}, loss {loss:.4f}, IoU {iou}, {:.0f} min left".format(
                     recipe.name, recipe.steps, left_min, **curve[-1]))  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
     card = card_of(recipe, samples, held_out, prior, device, curve)
     if network:
         card["network"] = network.__name__
-    save_weights(net, path, card)
-    return path
+    if recipe.filter != JOINT:
+        save_weights(net, path, card)
+        return path
+    paths = [path.with_name(path.name.replace(JOINT, name, 1)) for name in FILTERS]
+    for k, (own, filter_path) in enumerate(zip(apart(net, recipe.modality), paths, strict=True)):
+        of_mask = {"prior": card["prior"][k], "curve": [point | {"iou": point["iou"][k]} for point in curve]}
+        save_weights(own, filter_path, card | of_mask)
+    return paths[0]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import torch
 
-from lmmap.pipeline.network import FilterNet, up_to_one_channel
+from lmmap.pipeline.network import FilterNet, up_to_masks
 from lmmap.types import Camera, Port, Pose
 from lmmap_lab.bench import labels
 from lmmap_lab.studies import spikes
@@ -29,7 +29,7 @@ def test_a_neuron_has_as_many_connections_as_its_impulse_reaches(ones):
 
     last = ones.up[2]
     nothing = torch.zeros(1, 128, 9, 9)
-    to_last = up_to_one_channel((impulse(128),), last.weight, last.bias).sum()
+    to_last = up_to_masks((impulse(128),), last.weight, last.bias).sum()
     after_down_1 = torch.cat([nothing[:, :128], impulse(128)], 1)
     reached = [ones.down[0](impulse(1)).sum(), ones.down[1](impulse(64)).sum() + to_last,
                ones.down[2](impulse(128)).sum() + ones.up[1](after_down_1).sum(),

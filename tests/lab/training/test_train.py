@@ -11,7 +11,7 @@ import toy_training
 from safetensors import safe_open
 from safetensors.torch import load_file
 
-from lmmap.pipeline import network, weights
+from lmmap.pipeline import joint_network, network, weights
 from lmmap.settings import PAPER
 from lmmap.types import InputError
 from lmmap_lab.training import augment, batches, dataset, learning, train
@@ -296,3 +296,35 @@ def test_a_mean_of_true_and_taught_masks():
     x, y = torch.rand(1, 1, 16, 16), torch.ones(1, 1, 16, 16)
     assert batches.taught(None, x, y) is y
     np.testing.assert_allclose(batches.taught(net, x, y), (1 + torch.sigmoid(net(x))) / 2, rtol=1e-6)
+
+
+def test_a_joint_network_learns_both_masks_and_is_saved_as_two_filters(toy):
+    recipe = Recipe("joint", "event", steps=2, batch=2, width=1 / 16)
+    ring = train.train(recipe, toy, quiet)
+    names = [f"{name}-event-low.safetensors" for name in weights.FILTERS]
+    paths = [ring.with_name(name) for name in names]
+    filters = [weights.load_filter(path, "event") for path in paths]
+    assert ring == paths[0] and joint_network.join(filters, "event") is not None
+    cards = [weights.load_card(path) for path in paths]
+    assert all(0 < card["prior"] < 0.5 and isinstance(card["curve"][-1]["iou"], float) for card in cards)
+    assert cards[0]["prior"] > cards[1]["prior"] and cards[0]["command"] == cards[1]["command"]
+
+
+def test_a_joint_batch_has_both_masks_of_the_same_crops(toy):
+    recipe = Recipe("joint", "event", batch=8, crop_px=24, positive_crops=1.0)
+    names = dataset.SETS["low"]
+    samples = {name: dataset.Samples(names, name, "event", toy) for name in ("joint", *weights.FILTERS)}
+    x, y = batches.make_batch(samples["joint"], recipe, 0)
+    assert x.shape == (8, 1, 24, 24) and y.shape == (8, 2, 24, 24)
+    both = [samples[name].mask(0) for name in weights.FILTERS]
+    np.testing.assert_array_equal(augment.each_mask(samples["joint"].mask(0)), both)
+    assert y.any((0, 2, 3)).all()
+    shares = [samples[name].positive_share() for name in weights.FILTERS]
+    assert samples["joint"].positive_share() == pytest.approx(shares)
+
+
+def test_a_joint_network_begins_with_no_other():
+    assert not Recipe.of_shipped("joint", "event", "robust").start_from
+    assert not Recipe.of_shipped("joint", "event", "slim").teacher
+    with pytest.raises(InputError, match="--start-from low: its networks have one mask each"):
+        Recipe("joint", "event", "robust", start_from="low")

@@ -17,7 +17,7 @@ from lmmap.pipeline.network import (
     best_precision,
     encode,
     inputs_of,
-    up_to_one_channel,
+    up_to_masks,
 )
 from lmmap.pipeline.weights import (
     FILTERS,
@@ -82,14 +82,15 @@ def test_crop_equals_full_frame_and_a_smaller_margin_does_not(rng):
     assert np.abs(tight - full)[inside].max() > 1e-4
 
 
+@pytest.mark.parametrize("masks", [1, 2])
 @pytest.mark.parametrize("size", [(1, 1), (5, 4), (9, 13)])
-def test_last_layer_equals_the_transposed_convolution(size):
+def test_last_layer_equals_the_transposed_convolution(size, masks):
     torch.manual_seed(1)
-    layer = torch.nn.ConvTranspose2d(6, 1, 3, stride=2, padding=1, output_padding=1).double()
+    layer = torch.nn.ConvTranspose2d(6, masks, 3, stride=2, padding=1, output_padding=1).double()
     x = torch.rand(2, 6, *size, dtype=torch.double)
     with torch.inference_mode():
         for parts in ([x], x.split([1, x.shape[1] - 1], 1)):
-            assert torch.allclose(up_to_one_channel(parts, layer.weight, layer.bias), layer(x), atol=1e-12)
+            assert torch.allclose(up_to_masks(parts, layer.weight, layer.bias), layer(x), atol=1e-12)
 
 
 @pytest.mark.parametrize("modality", ["rgb", "event"])
@@ -123,9 +124,10 @@ def test_any_size_works_and_a_padded_image_gives_the_same_mask(size, rng):
 
 def test_prior_is_the_first_output():
     torch.manual_seed(0)
-    model = FilterNet(1, prior=0.02)
+    model = FilterNet(1, prior=(0.02, 0.3))
     with torch.inference_mode():
-        assert torch.sigmoid(model(torch.zeros(1, 1, 32, 32))).mean() == pytest.approx(0.02, rel=1e-3)
+        means = torch.sigmoid(model(torch.zeros(1, 1, 32, 32))).mean((0, 2, 3))
+    assert means.tolist() == pytest.approx([0.02, 0.3], rel=1e-3)
 
 
 def test_encoding_by_hand():
