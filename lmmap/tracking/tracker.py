@@ -22,7 +22,7 @@ from .crop import expected_ring
 from .discord import Discord
 from .motion_model import MotionState
 
-MOST_SUPPORT = 2  # images that support a track at most: as many that do not show it there end it
+MOST_SUPPORT = 2  # images that support a track at most: after as many that do not show it, it has none
 
 
 class Tracker:
@@ -56,6 +56,7 @@ class Tracker:
         plain = replace(between, motion=self.settings.motion, late_us=0, late_sigma_us=0.0)
         between = between if events else plain
         self._track, self._support, self._has_events = Between(first.camera, first.port, between), 0, events
+        self._is_supported = False
         self._last_us: dict[str, int] = {}  # of each camera's last image
         self._since_full = dict.fromkeys(self.estimators, 0)
         self.discord = Discord(first.port.yaw_period_rad, self.settings)  # of two cameras
@@ -78,8 +79,10 @@ class Tracker:
         Estimate
             Status ``ok``: the image shows the port, and pose and covariance combine image and track.
             ``predicted``: it does not show the port where the track predicts it, and both come from earlier
-            images alone.  ``unsure``: two cameras contradict each other throughout (`discord`).  Without a
-            track the status is the image's.  ``confidence`` is always from the image alone.
+            images alone.  ``unsure``: only one image supports the track and is less sure than
+            ``settings.sure_confidence``, or no image does any more; or two cameras contradict each other
+            throughout (`discord`).  Without a track the status is the image's.  ``confidence`` is always from
+            the image alone.
 
         Raises
         ------
@@ -132,7 +135,7 @@ class Tracker:
         check_time("t_us", t_us)
         e = self._track.at(t_us)
         later = e.T_cam_port is not None and t_us > self._track.seen_us
-        return self.discord.judged(replace(e, status=Status.PREDICTED) if later else e)
+        return self._judged(replace(e, status=Status.PREDICTED) if later else e)
 
     def _check_order(self, t_us: int, modality: str) -> None:
         last_us = self._last_us.get(modality, -np.inf)
@@ -189,6 +192,15 @@ class Tracker:
         e = replace(e, measured=e.T_cam_port)
         if track.T_cam_port is None:
             return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.measured) if seen else e
+        # a pose that one image shows is a track's beginning, but no proof of it unless the image is sure
+        sure = self._support == MOST_SUPPORT or e.confidence >= self.settings.sure_confidence
+        self._is_supported = sure if fits else self._support > 0
         status = Status.OK if fits else Status.PREDICTED
         e = replace(e, status=status, T_cam_port=track.T_cam_port, covariance=track.covariance)
+        return self._judged(e)
+
+    def _judged(self, e: Estimate) -> Estimate:
+        """The estimate, ``unsure`` if the track that gave it is."""
+        if e.T_cam_port is not None and not self._is_supported:
+            return replace(e, status=Status.UNSURE, T_cam_port=None, doubtful=e.T_cam_port)
         return self.discord.judged(e)

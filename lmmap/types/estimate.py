@@ -27,7 +27,7 @@ class Status(StrEnum):
     NO_RING = "no_ring"  # too few active pixels (gamma_S of the paper)
     NO_ELLIPSE = "no_ellipse"  # no ellipse of sensible size, shape and arc coverage
     NO_MARKERS = "no_markers"  # a ring, but no marker where the port has one
-    UNSURE = "unsure"  # a pose, but the masks hardly support it
+    UNSURE = "unsure"  # a pose, but the masks hardly support it, or a track with too few images
     PREDICTED = "predicted"  # a tracker's pose that the image does not support: from earlier images alone
 
 
@@ -65,7 +65,8 @@ class Estimate:
     confidence : float
         Probability that the pose is right (`verify.confidence`), in [0, 1]; 0 where none was found.
     doubtful : Pose or None
-        The pose that is not reported because its confidence is too low; the status is then ``unsure``.
+        The pose that is not reported because its confidence is too low, or because too few images support
+        its track; the status is then ``unsure``.
     predicted : Pose or None
         From a tracker: the pose that it predicted before it used the image.
     measured : Pose or None

@@ -110,6 +110,40 @@ def test_a_pose_that_its_image_leaves_doubtful_is_a_prediction_also_where_the_tr
     assert right(replace(e, status=Status.OK, T_cam_port=e.doubtful), scene.poses[4])
 
 
+class _Doubting(Estimator):
+    """Reports its poses with a confidence that is enough for an image, but not sure."""
+
+    def __call__(self, *arguments):
+        e = super().__call__(*arguments)
+        return e if e.found is None else e.judged(OURS.sure_confidence - 0.1, 0.7)
+
+
+def doubting(scene: Scene) -> Tracker:
+    estimator = scene.estimator()
+    estimator.__class__ = _Doubting
+    return Tracker(estimator)
+
+
+def test_a_track_that_one_doubtful_image_began_is_unsure_until_a_second_one_shows_it():
+    scene = Scene(approach(4))
+    tracker = doubting(scene)
+    first, *others = (tracker(scene.image(k), STEP_US * k) for k in range(4))
+    assert (first.status, first.T_cam_port) == (Status.UNSURE, None)
+    assert right(replace(first, status=Status.OK, T_cam_port=first.doubtful), scene.poses[0])
+    assert all(right(e, T) for e, T in zip(others, scene.poses[1:], strict=True))
+
+
+def test_a_track_that_its_images_no_longer_support_predicts_nothing():
+    """After the second image that does not show the port; with a track of one image, after the first."""
+    shown = Scene([*approach(5), *[None] * 2])
+    assert [e.status for e in track(shown)[5:]] == [Status.PREDICTED, Status.UNSURE]
+    lone = Scene([*approach(1), None])
+    tracker = Tracker(lone.estimator())
+    answers = [tracker(lone.image(k), STEP_US * k) for k in range(2)]
+    assert [e.status for e in answers] == [Status.OK, Status.UNSURE]
+    assert tracker.at(STEP_US + 1000).status == Status.UNSURE and answers[1].doubtful is not None
+
+
 @pytest.mark.parametrize("hidden", [1, 2, 6])
 def test_after_a_loss_the_port_is_found_within_two_images_wherever_it_is(hidden):
     elsewhere = [pose((95, 50), 0.9, 0.5, 2.0, 0.7, CAMERA)] * 4
