@@ -1,8 +1,7 @@
-"""One network that gives both masks, in half the time of two: ring and markers are found by much the same
-features.
+"""One network that produces both masks in about half the time that two need, because the ring and the
+markers are recognized from much the same features.
 
-Its two masks are kept as the filters of the ring and of the markers, which differ in their last layer alone.
-So each is also a filter like any other.
+It is stored as two filters, one for each mask, that differ only in their last layer.  Each also works alone.
 """
 
 from __future__ import annotations
@@ -28,27 +27,27 @@ class OneMask:
 
 
 def common(first, second):
-    """The network that gives the masks of both; None if they have none in common."""
+    """The network that computes both masks; None if each has its own."""
     both = isinstance(first, OneMask) and isinstance(second, OneMask) and first.network is second.network
     return first.network if both else None
 
 
 def mask_networks(filters: Sequence[FilterNet], modality: str, precision: str) -> list:
-    """A callable for the mask of each filter; those of one joint network share it."""
+    """A callable for each filter's mask; filters that differ only in their last layer share one network."""
     if joint := join(filters, modality):
         return _masks_of(MaskNetwork(joint, modality, precision), len(filters))
     return [MaskNetwork(net, modality, precision) for net in filters]
 
 
 def turned_too(networks: Sequence) -> list:
-    """`TurnedToo` of each network; those of one joint network share that."""
+    """`TurnedToo` of each network, or of the one that they share."""
     if (joint := common(*networks)) is not None:
         return _masks_of(TurnedToo(joint), len(networks))
     return [TurnedToo(network) for network in networks]
 
 
 def join(filters: Sequence[FilterNet], modality: str) -> FilterNet | None:
-    """The network of all masks of filters that differ in their last layer alone; None of others."""
+    """One network with the masks of all filters; None unless they differ only in their last layer."""
     first, *others = tensors = [net.state_dict() for net in filters]
     same = [name for name in first if name not in LAST]
     if not all(name in t and torch.equal(first[name], t[name]) for t in others for name in same):

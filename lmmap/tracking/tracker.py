@@ -22,7 +22,7 @@ from .crop import expected_ring
 from .discord import Discord
 from .motion_model import MotionState
 
-MOST_SUPPORT = 2  # images that support a track at most: after as many that do not show it, it has none
+MOST_SUPPORT = 2  # an image that fits the track adds one to its support, up to this; any other takes one away
 
 
 class Tracker:

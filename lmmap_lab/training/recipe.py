@@ -54,8 +54,8 @@ class Recipe:
 
     @classmethod
     def of_shipped(cls, name: str, modality: str, networks: str, **changes) -> Recipe:
-        """The recipe of weights that ship, with what is to be another; a joint network begins with no other
-        and has no teacher."""
+        """The recipe of weights that ship, with what is to be another; a joint network starts from random
+        weights and has no teacher."""
         alone = {"start_from": "", "teacher": ""} if name == JOINT else {}
         return cls(name, modality, networks, **{**SHIPPED[networks], **alone, **changes})
 
