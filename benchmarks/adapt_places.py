@@ -107,7 +107,8 @@ def before_and_after(
         began_s = time.monotonic()
         outcomes = {m: Outcome(False, "judged as they are", {"labels": 0}) for m in a.cameras}
         if seconds:
-            outcomes = adapt(taught, folder, a.cameras, weights, seconds=seconds, steps=steps, seed=a.seed)
+            how = {"seconds": seconds, "steps": steps, "seed": a.seed, "always": a.always}
+            outcomes = adapt(taught, folder, a.cameras, weights, **how)
         took_s = time.monotonic() - began_s
         memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         for key in keys_of(a, place, seconds, steps, weights):
@@ -167,6 +168,7 @@ def main() -> None:
     parser.add_argument("--steps", nargs="+", type=int, default=[learning.STEPS])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--images", type=int, default=60, help="judged at most")
+    parser.add_argument("--always", action="store_true", help="learn where all seems well, too")
     parser.add_argument("--keep", action="store_true", help="the tables in data/results/adaptation as well")
     a = parser.parse_args()
     done = set(pd.read_csv(a.rows)[KEY].itertuples(index=False, name=None)) if a.rows.exists() else set()

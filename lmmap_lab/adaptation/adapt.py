@@ -49,7 +49,7 @@ UNFINISHED = ".unfinished"  # how the name of the folder of unfinished work ends
 
 def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIES, weights=OURS.weights,
           port: Port | None = None, *, seconds: float | None = None, steps: int = learning.STEPS,
-          seed: int = 0, report: Callable[[str], None] = print) -> dict[str, Outcome]:  # fmt: skip
+          seed: int = 0, always: bool = False, report: Callable[[str], None] = print) -> dict[str, Outcome]:  # fmt: skip
     """Train networks on, with a recording's own images and poses, and write them.
 
     Parameters
@@ -63,6 +63,8 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
         As `Estimator`.
     seconds
         Learn from the recording's first seconds; by default from all of it.
+    always
+        Learn even if the networks are sure of nearly all images: the place may become harder later.
     report
         Called with a line for each camera.
 
@@ -74,7 +76,7 @@ def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIE
     folder = Path(os.path.realpath(folder))
     estimators = {m: Estimator(recording.camera, port, m, weights) for m in modalities}
     recipes = {m: _recipes(e, steps, seed, recording.name) for m, e in estimators.items()}
-    facts = made_of(recording, estimators, weights, seconds, steps, seed)
+    facts = made_of(recording, estimators, weights, seconds, steps, seed, always)
     with writes(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
     with lock(folder):
@@ -110,7 +112,8 @@ def _adapt(recording, folder: Path, unfinished: Path, estimators: dict, recipes:
     track, outcomes, nets = SmoothTrack(seen, estimators[modalities[0]].port.yaw_period_rad), {}, {}
     for m, estimator in estimators.items():
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
-        outcomes[m], nets[m] = learn(recording, looks[m], track, estimator, old, recipes[m], unfinished)
+        always = facts.get("always", False)
+        outcomes[m], nets[m] = learn(recording, looks[m], track, estimator, old, recipes[m], unfinished, always)
         report(f"{m}: {outcomes[m].why}")
     with atomic(folder) as new:
         new.mkdir()
@@ -150,7 +153,8 @@ def guarded(times_us: Sequence[int]) -> np.ndarray:
 
 
 def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, estimator: Estimator,
-          old: list[FilterNet], recipes, unfinished: Path) -> tuple[Outcome, list[FilterNet]]:  # fmt: skip
+          old: list[FilterNet], recipes, unfinished: Path,
+          always: bool = False) -> tuple[Outcome, list[FilterNet]]:  # fmt: skip
     """What becomes of one camera's networks by its looks and the track of all cameras, and the networks, old
     or new."""
     modality = estimator.modality
@@ -163,8 +167,9 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
         why = f"{len(chosen)} images can teach, {self_labels.LEAST_LABELS} are needed; networks as before"
         return Outcome(False, why, facts), old
     guard = Guard([look.estimate for look in own], kept, track, estimator)
-    if guard.lacking() <= ENOUGH:
+    if (all_well := guard.lacking() <= ENOUGH) and not always:
         why = f"sure poses of at least {1 - ENOUGH:.0%} of images with the port in view; networks as before"
+        why += " (--always would learn from them)"
         return Outcome(False, why, facts), old
     samples = self_labels.labelled([free[i].image for i in chosen], [poses[i] for i in chosen], estimator)
     trained = learning.train_both([deepcopy(net) for net in old], samples, recipes, unfinished)
@@ -173,7 +178,7 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
     asked = {look.t_us for look, ask in zip(own, guard.asked, strict=True) if ask}
     again = self_labels.look_at(recording, learned, asked)
-    verdict = guard.judge([look.estimate for look in again])
+    verdict = guard.judge([look.estimate for look in again], for_later=all_well)
     facts["guard"] = json.loads(json.dumps(asdict(verdict)))
     if not verdict.taken:
         return Outcome(False, f"{verdict}; networks as before", facts), old

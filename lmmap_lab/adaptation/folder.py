@@ -73,11 +73,12 @@ def write_networks(folder: Path, nets: list[FilterNet], recipes, outcome: Outcom
         save_weights(net, folder / weight_path(recipe.filter, recipe.modality, "low").name, card)
 
 
-def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int) -> dict:
+def made_of(recording, estimators: Mapping[str, Estimator], weights, seconds, steps: int, seed: int,
+            always: bool) -> dict:  # fmt: skip
     """All that the networks depend on, as JSON has it."""
     first = next(iter(estimators.values()))
     how = {"steps": steps, "seed": seed, "rate": learning.RATE, "learned": learning.LEARNED,
-           "labels": self_labels.MOST_LABELS}  # fmt: skip
+           "labels": self_labels.MOST_LABELS, **({"always": True} if always else {})}  # fmt: skip
     if isinstance(recording, Stream):
         mark, how["flips"] = recording_mark(recording.source.path), dict(recording.flips)
     else:

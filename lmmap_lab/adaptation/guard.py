@@ -93,12 +93,12 @@ class Guard:
                 and self._trust(e, self._track) is not False for e in shown]  # fmt: skip
         return 1 - sum(sure) / len(shown) if shown else 0.0
 
-    def judge(self, new: Sequence[Estimate]) -> Verdict:
+    def judge(self, new: Sequence[Estimate], for_later: bool = False) -> Verdict:
         """New networks' estimates of the images that they are `asked`.
 
         Where the old networks report no pose, those of the new ones must be as sure as a label, and so sure
         that the track contradicts no more of them than such a confidence allows.  They are taken if that
-        leaves any that it believes, and if, among the images that taught nothing, they alone report no fewer
+        leaves any that it believes, or if they are meant ``for_later`` images, and if, among the images that taught nothing, they alone report no fewer
         believed poses than the old ones.
         """
         joint = self._track.with_more(("new", e) for e in new)
@@ -113,7 +113,7 @@ class Guard:
             for each in (old, new)
         )
         (more, _), images = _reported(added, least), int(np.sum(self._kept))
-        return Verdict(more > 0 and after[0] >= before[0], least, before, after, images, more)
+        return Verdict((more > 0 or for_later) and after[0] >= before[0], least, before, after, images, more)
 
     def _trust(self, e: Estimate, *tracks: SmoothTrack) -> bool | None:
         """What the first track that reaches an estimate says of it."""

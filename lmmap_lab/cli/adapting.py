@@ -17,7 +17,7 @@ from ..adaptation.adapt import adapt
 
 def run(a: Namespace) -> None:
     """Adapt networks, and write them to a folder."""
-    outcomes = _adapt(a, a.output, "seconds", steps=a.steps, seed=a.seed)
+    outcomes = _adapt(a, a.output, "seconds", steps=a.steps, seed=a.seed, always=a.always)
     if a.json:
         print(json.dumps({m: asdict(o) for m, o in outcomes.items()}))
     else:

@@ -63,6 +63,8 @@ def adapt(commands: Commands) -> None:
     text = "training steps for each network (default: %(default)s)"
     command.add_argument("--steps", type=int, default=ADAPT_STEPS, help=text)
     command.add_argument("--seed", type=int, default=0, help="seed of the random numbers (default: 0)")
+    text = "learn even if nearly all poses are sure: the place may become harder later"
+    command.add_argument("--always", action="store_true", help=text)
     text = "folder for the networks, to pass to --weights; the same call continues an interrupted one"
     commands.add_file(command, "-o", "--output", metavar="FOLDER", required=True, help=text)
     command.add_argument("--json", action="store_true", help="print the outcome as JSON")

@@ -113,6 +113,14 @@ def test_networks_that_go_on_learning_keep_the_first_ones(learned, tmp_path):
     assert after[0] >= before[0] and after[1] <= before[1]
 
 
+def test_a_place_where_all_seems_well_teaches_if_one_asks(tmp_path, monkeypatch):
+    monkeypatch.setattr(adapting, "ENOUGH", 1.0)  # any place is such a one
+    told = adapt(places.recording(), tmp_path / "asked-nothing")
+    assert not told.taken and "--always" in told.why
+    told = adapt(places.recording(), tmp_path / "asked", always=True, steps=20)
+    assert told.facts["guard"]["images"] and "taught" in told.why
+
+
 def test_an_interrupted_run_ends_as_an_unbroken_one(learned, tmp_path, monkeypatch):
     class Killed(Exception):
         pass

@@ -55,6 +55,13 @@ def test_networks_that_find_no_more_or_explain_less_where_they_were_not_taught_a
     assert judged(EVERY_OTHER, estimates(taught | set(KEPT[:5]))).taken
 
 
+def test_where_nothing_is_lacking_those_for_later_images_have_to_explain_no_less():
+    guard = guard_of(estimates(set(range(COUNT))))
+    for found, taken in ((set(KEPT), True), (set(KEPT[1:]), False)):
+        new = [e for e, ask in zip(estimates(found), guard.asked, strict=True) if ask]
+        assert guard.judge(new, for_later=True).taken == taken and not guard.judge(new).taken
+
+
 @pytest.mark.parametrize("wrong, raised", [({13, 21, 31}, True), ({13}, False), ({12, 14, 16, 30}, False)])
 def test_the_limit_rises_where_the_track_contradicts_more_of_what_is_added_than_a_label_may_be(wrong, raised):
     new = estimates(set(range(COUNT)), wrong, confidence=0.99)
