@@ -49,7 +49,8 @@ UNFINISHED = ".unfinished"  # how the name of the folder of unfinished work ends
 
 def adapt(recording: AnyRecording, folder, modalities: Sequence[str] = MODALITIES, weights=OURS.weights,
           port: Port | None = None, *, seconds: float | None = None, steps: int = learning.STEPS,
-          seed: int = 0, always: bool = False, report: Callable[[str], None] = print) -> dict[str, Outcome]:  # fmt: skip
+          seed: int = 0, always: bool = False,
+          report: Callable[[str], None] = print) -> dict[str, Outcome]:  # fmt: skip
     """Train networks on, with a recording's own images and poses, and write them.
 
     Parameters
@@ -112,8 +113,8 @@ def _adapt(recording, folder: Path, unfinished: Path, estimators: dict, recipes:
     track, outcomes, nets = SmoothTrack(seen, estimators[modalities[0]].port.yaw_period_rad), {}, {}
     for m, estimator in estimators.items():
         old = [learning.network_of(path, m) for path in network_paths(weights, m)]
-        always = facts.get("always", False)
-        outcomes[m], nets[m] = learn(recording, looks[m], track, estimator, old, recipes[m], unfinished, always)
+        how = recipes[m], unfinished, facts.get("always", False)
+        outcomes[m], nets[m] = learn(recording, looks[m], track, estimator, old, *how)
         report(f"{m}: {outcomes[m].why}")
     with atomic(folder) as new:
         new.mkdir()

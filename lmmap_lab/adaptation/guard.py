@@ -98,8 +98,8 @@ class Guard:
 
         Where the old networks report no pose, those of the new ones must be as sure as a label, and so sure
         that the track contradicts no more of them than such a confidence allows.  They are taken if that
-        leaves any that it believes, or if they are meant ``for_later`` images, and if, among the images that taught nothing, they alone report no fewer
-        believed poses than the old ones.
+        leaves any that it believes, or if they are meant ``for_later`` images, and if, among the images that
+        taught nothing, they alone report no fewer believed poses than the old ones.
         """
         joint = self._track.with_more(("new", e) for e in new)
         old = [e for e, ask in zip(self._old, self.asked, strict=True) if ask]

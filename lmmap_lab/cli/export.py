@@ -7,18 +7,18 @@ import json
 import os
 from argparse import Namespace
 from dataclasses import asdict, replace
-from itertools import product
 from pathlib import Path
 
 from lmmap.disk import is_there
 from lmmap.files import atomic, check_folder_of
+from lmmap.pipeline.joint_network import join
 from lmmap.pipeline.network import CHANNELS, RECEPTIVE_RADIUS_PX, STRIDE_PX
 from lmmap.pipeline.weights import BEFORE, FILTERS, before, load_filter, network_paths, own_limit
 from lmmap.settings import OURS
 from lmmap.types import InputError, Port
 
 from ..adaptation.folder import MADE_OF, check_whole
-from ..training.onnx_graph import filter_model, onnx_package
+from ..training.onnx_graph import BOTH, filter_model, onnx_package
 
 DOCUMENT = "lmmap.json"
 JOINED = (
@@ -35,14 +35,14 @@ STEPS = {  # in their order, of one image; tests compare them with an estimator'
     "events_per_window for 346 x 260 px, and in proportion to the number of pixels for other sensors",
     "lmmap.pipeline.rescale:resample": "bring the image to trained_focal_px, unless it is within focal_slack "
     "of it or would be enlarged by more than enlargement",
-    "lmmap.pipeline.masks:look": "the ring's network, on the whole image",
+    "lmmap.pipeline.masks:look": "the ring's network, or that of both masks, on the whole image",
     "lmmap.pipeline.ring:find_ring": "binarise the mask at mask_threshold, thin it, fit an ellipse and "
     "measure its contour to a fraction of a pixel, free of lens distortion",
     "lmmap.pipeline.circle:candidates": "the two poses of a circle of ring_radius_m that is seen as this "
     "ellipse",
     "lmmap.pipeline.masks:markers_box_px": "where the markers can be at these poses",
-    "lmmap.pipeline.crops:mask_about": "the markers' network, on a crop around that box that begins at "
-    "multiples of stride_px and reaches beyond the box by receptive_radius_px",
+    "lmmap.pipeline.crops:mask_about": "the markers' network, unless the first gave both masks, on a crop "
+    "around that box that begins at multiples of stride_px and reaches beyond the box by receptive_radius_px",
     "lmmap.pipeline.yaw:fast_yaw": "the yaw and the normal that masks and image edges support most",
     "lmmap.pipeline.refine:refine": "the pose refined on masks and edges, and its covariance",
     "lmmap.pipeline.judge:judge": "its confidence; do not use a pose below min_confidence",
@@ -72,13 +72,16 @@ def _models(weights: str) -> dict[str, tuple[bytes, dict]]:
     models = {}
     for modality in _cameras(weights):
         folders = {"": weights} | ({f"{BEFORE}-": first} if (first := before(weights, modality)) else {})
-        for (start, folder), (k, name) in product(folders.items(), enumerate(FILTERS)):
+        for start, folder in folders.items():
+            filters = [load_filter(path, modality) for path in network_paths(folder, modality)]
+            joint = join(filters, modality)
+            nets = {BOTH: joint} if joint else dict(zip(FILTERS, filters, strict=True))
             facts = {"mask_threshold": OURS.mask_threshold, "trained_focal_px": OURS.trained_focal_px,
                      "weights": Path(weights).name}  # fmt: skip
-            net = load_filter(network_paths(folder, modality)[k], modality)
-            model = filter_model(net, name, modality, facts)
-            told = {p.key: p.value for p in model.metadata_props}
-            models[f"{start}{name}-{modality}.onnx"] = model.SerializeToString(deterministic=True), told
+            for name, net in nets.items():
+                model = filter_model(net, name, modality, facts)
+                told = {p.key: p.value for p in model.metadata_props}
+                models[f"{start}{name}-{modality}.onnx"] = model.SerializeToString(deterministic=True), told
     return models
 
 
@@ -100,9 +103,10 @@ def _document(weights: str, models: dict) -> dict:
         first, own = before(weights, m), max(OURS.min_confidence[m], own_limit(weights, m))
         limits[m] = max(OURS.min_confidence[m], own_limit(first, m)) if first else own
         if first:
-            names = [f"{name}-{m}.onnx" for name in FILTERS]
-            old = [f"{BEFORE}-{name}" for name in names]
-            second[m] = {BEFORE: old, "learned": names, "min_confidence": own, "joined": JOINED}
+            names = [name for name in models if name.endswith(f"-{m}.onnx")]
+            old = [name for name in names if name.startswith(f"{BEFORE}-")]
+            learned = [name for name in names if name not in old]
+            second[m] = {BEFORE: old, "learned": learned, "min_confidence": own, "joined": JOINED}
     settings = replace(
         OURS, weights=Path(weights).name, min_confidence=replace(OURS.min_confidence, **limits)
     )

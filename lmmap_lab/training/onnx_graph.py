@@ -1,4 +1,4 @@
-"""A mask network in ONNX, from an image to its mask: `FilterNet` and what surrounds it, for other runtimes.
+"""A mask network in ONNX, from an image to its masks: `FilterNet` and what surrounds it, for other runtimes.
 
 The graph is written node by node: torch's exporter fixes some sizes to those of the image that it saw, and
 its successor needs two more packages.
@@ -19,6 +19,10 @@ IMAGES = {
 }
 MASK = "float32 (N, 1, H, W): probability that a pixel shows the {part}, 0 to 1"
 PARTS = {"ring": "ring", "reflector": "markers"}
+BOTH = "both"  # names the network that gives both masks
+TWO_MASKS = (
+    "float32 (N, 2, H, W): probability that a pixel shows the ring, and that it shows the markers, 0 to 1"
+)
 
 
 def onnx_package():
@@ -31,14 +35,14 @@ def onnx_package():
 
 
 def filter_model(net: FilterNet, name: str, modality: str, facts: dict):
-    """The ONNX model of a filter, with the input ``image`` and the output ``mask``; N, H and W are free.
+    """The ONNX model of a network, with the input ``image`` and the output ``mask``; N, H and W are free.
 
     Parameters
     ----------
     net
         Trained; its convolutions may have any width, and may be several in a row.
     name, modality
-        Which of `FILTERS` it is, and of which camera.
+        Which of `FILTERS` it is, or `BOTH`, and of which camera.
     facts
         What the file is to say of itself, beside what input and output are.
     """
@@ -50,8 +54,8 @@ def filter_model(net: FilterNet, name: str, modality: str, facts: dict):
         shape = ["N", channels, "H", "W"]
         return onnx.helper.make_tensor_value_info(end, onnx.TensorProto.FLOAT, shape, text)
 
-    image, mask = IMAGES[modality], MASK.format(part=PARTS[name])
-    ends = [values("image", CHANNELS[modality], image)], [values("mask", 1, mask)]
+    image, mask = IMAGES[modality], TWO_MASKS if name == BOTH else MASK.format(part=PARTS[name])
+    ends = [values("image", CHANNELS[modality], image)], [values("mask", len(net.up[2].bias), mask)]
     constants = [onnx.numpy_helper.from_array(value, key) for key, value in graph.constants.items()]
     whole = onnx.helper.make_graph(graph.nodes, f"{name}-{modality}", *ends, constants)
     opset = [onnx.helper.make_opsetid("", OPSET)]

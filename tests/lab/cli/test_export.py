@@ -16,7 +16,9 @@ import pytest
 from lmmap.cli import main
 from lmmap.pipeline.estimator import Estimator
 from lmmap.pipeline.histograms import histogram
-from lmmap.pipeline.weights import BEFORE, weight_path
+from lmmap.pipeline.joint_network import apart
+from lmmap.pipeline.network import FilterNet
+from lmmap.pipeline.weights import BEFORE, FILTERS, save_weights, weight_path
 from lmmap.settings import OURS
 from lmmap.types import Port
 from lmmap_lab.cli.export import DOCUMENT, STEPS
@@ -80,6 +82,17 @@ def test_a_folder_of_weights_may_be_of_one_camera(tmp_path, lmmap):
     code, out, _ = lmmap("export", tmp_path / "own", "-o", tmp_path / "onnx")
     assert code == 0 and "ring-event.onnx, reflector-event.onnx" in out
     assert {p.name for p in (tmp_path / "onnx").iterdir()} == {n for n in NAMES if "event" in n} | {DOCUMENT}
+
+
+def test_a_joint_network_is_one_file_with_both_masks(tmp_path, lmmap):
+    (tmp_path / "own").mkdir()
+    pair = apart(FilterNet(3, (0.5, 0.5), (4, 6, 8)), "rgb")
+    for name, net in zip(FILTERS, pair, strict=True):
+        save_weights(net, tmp_path / "own" / weight_path(name, "rgb", "low").name, {"min_confidence": 0.0})
+    code, out, err = lmmap("export", tmp_path / "own", "-o", tmp_path / "onnx")
+    assert (code, err) == (0, "") and "both-rgb.onnx" in out
+    (mask,) = onnxruntime.InferenceSession(tmp_path / "onnx" / "both-rgb.onnx").get_outputs()
+    assert mask.shape == ["N", 2, "H", "W"]
 
 
 def test_bad_input_is_one_line_and_makes_no_folder(folder, tmp_path, lmmap):

@@ -7,7 +7,7 @@ import torch
 
 from lmmap.pipeline.network import CHANNELS, FilterNet, MaskNetwork
 from lmmap.pipeline.weights import WEIGHTS, load_filter
-from lmmap_lab.training.onnx_graph import filter_model
+from lmmap_lab.training.onnx_graph import BOTH, filter_model
 
 SIZES = [(61, 83), (17, 33), (1, 9), (64, 48)]
 
@@ -25,8 +25,8 @@ def masks(session, images):
     return session.run(["mask"], {"image": np.moveaxis(x, -1, 1).astype(np.float32)})[0][:, 0]
 
 
-def session_of(net, modality):
-    content = filter_model(net, "ring", modality, {}).SerializeToString()
+def session_of(net, modality, name="ring"):
+    content = filter_model(net, name, modality, {}).SerializeToString()
     return onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
 
 
@@ -49,6 +49,14 @@ def test_networks_of_other_widths(rng):
 
 def test_networks_whose_convolutions_are_split(rng):
     check(FilterNet(1, widths=(4, 6, 8), depthwise=True), "event", rng)
+
+
+def test_a_joint_network_gives_both_masks(rng):
+    torch.manual_seed(1)
+    net = FilterNet(1, (0.5, 0.3), (4, 6, 8))
+    session, image = session_of(net, "event", BOTH), some_images("event", (21, 30), rng)
+    (found,) = session.run(["mask"], {"image": image[:, None].astype(np.float32)})
+    np.testing.assert_allclose(found[0], MaskNetwork(net, "event", "float32")(image[0]), atol=1e-4)
 
 
 @pytest.mark.parametrize("modality", CHANNELS)
