@@ -49,8 +49,8 @@ def sets(folder: Path) -> dict[str, str]:
     return {"robust": str(weight_path("{}", "{}", "robust")), **found}
 
 
-def judged(pattern: str, modality: str, place: str) -> list[dict]:
-    """A row for each image of a set of sequences: overlaps of both masks, and what the pose is."""
+def judged(pattern: str, modality: str, place: str, lights=("high",)) -> list[dict]:
+    """A row for each image of a set of sequences: overlaps of both masks, and in these lights its pose."""
     torch.set_num_threads(1)
     networks = [load_network(pattern.format(name, modality), modality, "float32") for name in FILTERS]
     estimator = Estimator(judged_images.CAMERA, judged_images.PORT, modality, tuple(networks))
@@ -65,7 +65,7 @@ def judged(pattern: str, modality: str, place: str) -> list[dict]:
             masks = [network(looks[0][0]) > OURS.mask_threshold for network in networks]
             overlaps = {f"{f}_iou": iou(*pair) for f, *pair in zip(FILTERS, masks, truth, strict=True)}
             row = {"place": place, "sequence": name, "light": light, "modality": modality, **overlaps}
-            if light == "high":
+            if light in lights:
                 wider = (1, looks[1][0]) if len(looks) > 1 else None
                 _, e = estimate_image(estimator, TimedImage(0, looks[0][0], wider))
                 posed = e.T_cam_port is not None
