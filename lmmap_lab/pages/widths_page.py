@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from .drawings import COLOUR
-from .tables import CAMERAS, shares_with_ends
+from .tables import CAMERAS, LIGHTS, shares_with_ends
 
 SIZES = {"robust": "robust, as it ships", "further": "robust, trained further",
          "1": "full width", "2": "half",
@@ -39,6 +39,17 @@ def table(widths: pd.DataFrame) -> pd.DataFrame:
     of_size = pd.MultiIndex.from_product([SIZES.values(), TRAININGS.values()])
     order = [key for key in of_size if key in frames.index]
     return pd.DataFrame(columns).loc[order].rename_axis(index=("networks", "learn from"))
+
+
+def beside_slim(joint: pd.DataFrame) -> pd.DataFrame:
+    """Texts by camera and light, of one network with both masks and of the two of *slim*."""
+    rows = joint.set_index(["modality", "light"])
+    of = {name: rows[rows["set"] == name] for name in ("slim", "joint")}
+    columns = {(f"{what} (%)", name): shares_with_ends(own, what, ".1f")
+               for what in ("right", "wrong") for name, own in of.items()}  # fmt: skip
+    columns |= {(f"{part} overlap", name): own[f"{mask}_iou"].map("{:.2f}".format)
+                for mask, part in (("ring", "ring"), ("reflector", "marker")) for name, own in of.items()}  # fmt: skip
+    return pd.DataFrame(columns).rename(index=CAMERAS | LIGHTS).rename_axis([None, None])
 
 
 def draw(widths: pd.DataFrame):

@@ -41,3 +41,13 @@ def test_the_figure_shows_every_network_of_equal_steps_once(widths):
         for row, what in enumerate(("right_percent", "ring_iou_high")):
             lines = [bars.lines[0] for bars in fig.axes[2 * row + column].containers]
             assert sorted(y for line in lines for y in line.get_ydata()) == sorted(own[what])
+
+
+def test_one_network_stands_beside_the_two_of_slim():
+    joint = pd.read_csv(DATA / "results" / "joint.csv")
+    table = widths_page.beside_slim(joint)
+    own = joint.query("set == 'joint' and modality == 'event' and light == 'high'").iloc[0]
+    assert table.shape == (6, 8) and table.notna().all(axis=None)
+    row = table.loc["events", "high light"]
+    assert row["right (%)", "joint"].startswith(f"{own.right_percent:.1f} (")
+    assert float(row["marker overlap", "joint"]) == pytest.approx(own.reflector_iou, abs=0.005)
