@@ -47,8 +47,9 @@ def beside_slim(joint: pd.DataFrame) -> pd.DataFrame:
     of = {name: rows[rows["set"] == name] for name in ("slim", "joint")}
     columns = {(f"{what} (%)", name): shares_with_ends(own, what, ".1f")
                for what in ("right", "wrong") for name, own in of.items()}  # fmt: skip
+    masks = {"ring": "ring", "reflector": "marker"}
     columns |= {(f"{part} overlap", name): own[f"{mask}_iou"].map("{:.2f}".format)
-                for mask, part in (("ring", "ring"), ("reflector", "marker")) for name, own in of.items()}  # fmt: skip
+                for mask, part in masks.items() for name, own in of.items()}  # fmt: skip
     return pd.DataFrame(columns).rename(index=CAMERAS | LIGHTS).rename_axis([None, None])
 
 
