@@ -168,7 +168,7 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
         why = f"{len(chosen)} images can teach, {self_labels.LEAST_LABELS} are needed; networks as before"
         return Outcome(False, why, facts), old
     guard = Guard([look.estimate for look in own], kept, track, estimator)
-    if (all_well := guard.lacking() <= ENOUGH) and not always:
+    if guard.lacking() <= ENOUGH and not always:
         why = f"sure poses of at least {1 - ENOUGH:.0%} of images with the port in view; networks as before"
         why += " (--always would learn from them)"
         return Outcome(False, why, facts), old
@@ -179,7 +179,7 @@ def learn(recording: AnyRecording, own: Sequence[Look], track: SmoothTrack, esti
     learned = Estimator(estimator.camera, estimator.port, modality, networks, estimator.settings)
     asked = {look.t_us for look, ask in zip(own, guard.asked, strict=True) if ask}
     again = self_labels.look_at(recording, learned, asked)
-    verdict = guard.judge([look.estimate for look in again], for_later=all_well)
+    verdict = guard.judge([look.estimate for look in again], for_later=always)
     facts["guard"] = json.loads(json.dumps(asdict(verdict)))
     if not verdict.taken:
         return Outcome(False, f"{verdict}; networks as before", facts), old
