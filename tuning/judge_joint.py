@@ -21,14 +21,12 @@ import judged_images
 import numpy as np
 import pandas as pd
 import torch
-from judge_widths import ROUNDS, cost, judged, shares
+from judge_widths import PLACES, ROUNDS, cost, judged, shares
 
 from lmmap.pipeline.joint_network import common, join, mask_networks
 from lmmap.pipeline.network import CHANNELS
 from lmmap.pipeline.weights import FILTERS, load_filter, weight_path
 from lmmap_lab.provenance import DATA, save_table
-
-PLACES = [place for place in judged_images.SETS if place.endswith("tuning")]
 
 
 def filters_of(pattern: str, modality: str) -> list:

@@ -32,9 +32,9 @@ def guard_of(seen) -> Guard:
     return Guard(seen, IS_KEPT, track, ESTIMATOR)
 
 
-def judged(guard: Guard, new):
+def judged(guard: Guard, new, **options):
     """By a guard that is shown the new estimates which it asks for."""
-    return guard.judge([e for e, ask in zip(new, guard.asked, strict=True) if ask])
+    return guard.judge([e for e, ask in zip(new, guard.asked, strict=True) if ask], **options)
 
 
 EVERY_OTHER = guard_of(estimates(set(range(0, COUNT, 2))))
@@ -58,8 +58,8 @@ def test_networks_that_find_no_more_or_explain_less_where_they_were_not_taught_a
 def test_where_nothing_is_lacking_those_for_later_images_have_to_explain_no_less():
     guard = guard_of(estimates(set(range(COUNT))))
     for found, taken in ((set(KEPT), True), (set(KEPT[1:]), False)):
-        new = [e for e, ask in zip(estimates(found), guard.asked, strict=True) if ask]
-        assert guard.judge(new, for_later=True).taken == taken and not guard.judge(new).taken
+        new = estimates(found)
+        assert judged(guard, new, for_later=True).taken == taken and not judged(guard, new).taken
 
 
 @pytest.mark.parametrize("wrong, raised", [({13, 21, 31}, True), ({13}, False), ({12, 14, 16, 30}, False)])
