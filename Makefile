@@ -76,7 +76,7 @@ test: test-lmmap  ## run the tests: the thin package's alone, then all others (J
 test-lmmap: env $(ORACLES)  ## run the thin package's tests alone, where lmmap_lab cannot be imported
 	@$(PYTEST) tests/lmmap
 
-test-robustness: env $(ORACLES)  ## run what needs processes of its own: attacks, full disks, interrupts, wheels, builds of a book
+test-robustness: env $(ORACLES)  ## run what needs processes of its own or long compilations: attacks, full disks, interrupts, wheels, builds of a book, EVO
 	@$(PYTEST) tests/robustness
 
 test-pythons:  ## run both commands in a fresh clone, on each promised Python that is found here (half an hour each)

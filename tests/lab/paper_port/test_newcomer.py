@@ -6,6 +6,7 @@ import shutil
 import time
 
 import cv2
+import numpy as np
 import pytest
 
 from lmmap.types import Camera
@@ -25,17 +26,18 @@ def test_three_commands_are_all_it_takes(page):
 
 
 class Camera0:
-    """OpenCV's capture; the camera 0 sends the clip, twenty images a second."""
+    """OpenCV's capture; the camera 0 sends a second of the clip, twenty images a second."""
 
     opened = cv2.VideoCapture
 
     def __init__(self, name, *options):
-        self._wait_s = 0.05 if name == 0 else 0.0
+        self._wait_s, self._left = (0.05, 20) if name == 0 else (0.0, np.inf)
         self._capture = self.opened(str(CLIP) if name == 0 else name, *options)
 
     def read(self):
         time.sleep(self._wait_s)
-        return self._capture.read()
+        self._left -= 1
+        return self._capture.read() if self._left >= 0 else (False, None)
 
     def __getattr__(self, name):
         return getattr(self._capture, name)

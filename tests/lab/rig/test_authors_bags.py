@@ -111,11 +111,11 @@ def test_evaluating_a_bag_equals_evaluating_the_sequence(folder, tmp_path, capsy
 
 
 def test_calibrating_a_bag(folder, capsys, monkeypatch):
-    """Some seconds of frames, with the camera from the file: the port to some mm; detections are kept."""
+    """Two seconds of frames, with the camera from the file: the port to some mm; detections are kept."""
     bag, rig = folder / "dataset_0307_notexture" / "normal__train.bag", folder / RIG_FILE
     with monkeypatch.context() as patch:  # no events
         patch.setattr(sequences, "render_times_us", lambda *_: np.zeros(1, np.int64))
-        standin.write_bag(sequences.simulate("test-low", 3.0), bag)
+        standin.write_bag(sequences.simulate("test-low", 2.0), bag)
     argv = ("calibrate", bag, "-o", rig, "--rate")
     code, _, err = run(capsys, *argv, "2")
     assert code == 1 and "detections while the arm reports, 20 are needed" in err and err.count("\n") == 1

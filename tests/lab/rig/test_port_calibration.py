@@ -247,7 +247,8 @@ def test_a_recording_of_another_port_says_so(higher, tmp_path, capsys):
     _, path, true = higher
     true.save(own := tmp_path / "own.json")
     mini = DATA / "mini" / "test-low.aedat4"
-    calls = [path], [path, "--track"], [path, "--port", own], [mini, "--rate", 4]
+    slow = [path, "--rate", 0.25]
+    calls = slow, [*slow, "--track"], [*slow, "--port", own], [mini, "--rate", 4]
     note, off_px = re.compile(r"note: the markers lie ([\d.]+) px from .*lmmap calibrate --port"), []
     for k, call in enumerate(calls):
         output = ["-o", tmp_path / f"{k}.csv"]

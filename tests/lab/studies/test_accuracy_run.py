@@ -29,12 +29,13 @@ from lmmap_lab.studies.table1 import compare
 
 T = facing_pose(0.3, 0.2, 0.1, [0.0, 0.0, 0.6])
 OFF = [Pose(T.rotation, T.position_m + np.array([1e-3 * k, 0, 0])) for k in range(3)]
+IMAGES = 15  # of each sequence
 SPREAD = np.diag([1e-3] * 3 + [1e-2] * 3) ** 2
 
 
 def recorded(name, seconds, folder, report):
-    t_us = np.arange(0, 3_000_001, 100_000)
-    truth = Trajectory(t_us, Pose(np.repeat(T.rotation[None], 31, 0), np.repeat(T.position_m[None], 31, 0)))
+    t_us = 100_000 * np.arange(IMAGES + 1)
+    truth = Trajectory(t_us, Pose.stack([T] * len(t_us)))
     frames = np.full((2, 260, 346, 3), 128 * name.endswith("1"), np.uint8)
     times_us = np.array([0, 50_000])
     return Recording(
@@ -69,7 +70,7 @@ def estimated(name: str, port: bool) -> tuple[list[Estimate], pd.DataFrame | Non
         Estimate(100_000 * k, Status.OK, off[k % 3], T, T, ellipse, covariance=SPREAD,
                  confidence=0.95) if port
         else Estimate(100_000 * k, Status.NO_RING)
-        for k in range(30)
+        for k in range(IMAGES)
     ]  # fmt: skip
     rungs = [dict.fromkeys(ladder.MEASURED, e) for e in estimates]
     return estimates, ladder.errors(recorded(name, 3, None, None), rungs, Port.lm_map()) if port else None
@@ -91,6 +92,14 @@ def made_up(folder, estimates=None, **parts):
         draws=50,
         **parts,
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_commit():
+    """Git is asked once, not for each of several hundred tables."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(provenance, "commit", cache(provenance.commit))
+        yield
 
 
 @pytest.fixture
@@ -125,7 +134,7 @@ def test_interrupted_it_goes_on_and_a_second_run_has_nothing_to_do(quick):
     assert len(pd.read_csv(quick / "coverage.csv")) == 18
     assert len(pd.read_csv(quick / "distribution.csv")) == 18 * 101
     answers = pd.read_csv(quick / "answers.csv")
-    assert set(answers.status) == {"ok"} and (answers.in_view == 30).all() and len(answers) == 18
+    assert set(answers.status) == {"ok"} and (answers.in_view == IMAGES).all() and len(answers) == 18
     assert len(pd.read_csv(quick / "fusion.csv")) == 6 * 3
     fits = pd.read_csv(quick / "filters.csv")
     assert (
@@ -209,7 +218,7 @@ def of_earlier_code(paper, monkeypatch):
     """Archives that other code made, which gave the results of the present code; what is sampled of them."""
 
     def beginning(name, kept, seed):
-        return recorded(name, 3, None, None), 2_000_000
+        return recorded(name, 3, None, None), 1_000_000
 
     monkeypatch.setattr(carry, "sample", beginning)
     for path in (paper / "sequences").glob("*.zip"):
@@ -224,7 +233,7 @@ def test_archives_of_other_code_are_carried_over_where_a_sample_is_equal(of_earl
     assert len(lines) == 8 and all("rows are equal, carried over" in line for line in lines)
     assert accuracy_run.run_before("paper", study) == []
     *_, last = provenance_of(study.archive("test-low"))["carried_over"]
-    assert last["from"] == "of earlier code" and last["rows"] > 400 and last["beginning_s"] == 2.0
+    assert last["from"] == "of earlier code" and last["rows"] > 200 and last["beginning_s"] == 1.0
     assert last["processor"] == provenance.processor() and last["commit"] == provenance.commit()
     lines.clear()
     carry.carry(lines.append, study)
