@@ -17,7 +17,19 @@ from .drawings import COLOUR, show_image
 from .sliders import Step
 from .tables import CAMERAS
 
+INPUTS = {"counts": "counts", "few": "counts, half as many covers", "polarity": "counts of each polarity",
+          "surface": "counts and a time surface", "slim": "slim: counts", "robust": "robust: counts",
+          "further": "robust, trained further"}  # fmt: skip
 FITS = {"iou": "overlap", "skeleton_px": "skeleton error (px)"}
+
+
+def inputs_table(inputs: pd.DataFrame) -> pd.DataFrame:
+    """Texts: how often each network finds the ring, and what it gains, with a 95 % interval."""
+    rows = inputs.set_index("network").loc[list(INPUTS)].rename(index=INPUTS)
+    gains = [f"{own.gain:+.1f} ({own.gain_low:.1f} to {own.gain_high:.1f})" for own in rows.itertuples()]
+    gains[0], gains[-1] = "", f"{gains[-1]} over robust"
+    texts = {"circle right (%)": rows.right_percent.map("{:.1f}".format), "gain over counts": gains}
+    return pd.DataFrame(texts, index=rows.index).rename_axis("network and input")
 
 
 def draw_architecture(ax, net, size_px) -> None:

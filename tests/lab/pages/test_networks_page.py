@@ -22,6 +22,16 @@ def test_networks_stand_by_light_each_with_its_own_numbers():
         assert wide.loc[(words[gap], words[f], words[m]), ("skeleton error (px)", light)] == skeleton_px
 
 
+def test_each_input_stands_with_what_it_gains():
+    names = list(networks_page.INPUTS)[::-1]
+    rows = pd.DataFrame({"network": names, "right_percent": 10.0 * np.arange(len(names))})
+    rows = rows.assign(gain=rows.right_percent - 60, gain_low=-70.0, gain_high=np.arange(len(names)))
+    table = networks_page.inputs_table(rows)
+    assert table.loc["counts"].tolist() == ["60.0", ""]
+    assert table.loc["counts of each polarity"].tolist() == ["40.0", "-20.0 (-70.0 to 4.0)"]
+    assert table.loc["robust, trained further"].tolist() == ["0.0", "-60.0 (-70.0 to 0.0) over robust"]
+
+
 def test_a_mask_is_judged_against_the_true_pose(port, camera):
     T = facing_pose(0.4, 0.2, 0.1, [0.0, 0.0, 0.45])
     ring, markers = label_masks(T, port, camera)
