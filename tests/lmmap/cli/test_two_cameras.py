@@ -91,7 +91,13 @@ def test_a_flip_is_its_own_inverse_and_the_same_for_both_cameras(flip):
 
 
 @pytest.mark.parametrize(
-    "camera, flip, more", [("event", "x", ("--track",)), ("rgb", "y", ("--track",)), ("event", "180", ())]
+    "camera, flip, more",
+    [
+        ("event", "x", ("--track",)),
+        ("rgb", "y", ("--track",)),
+        ("event", "180", ()),
+        ("rgb", "x", ("--rate", "30")),
+    ],
 )
 def test_a_mirrored_camera_is_named_and_flipped_back(tmp_path, run, camera, flip, more):
     """No pose of either is ok, and with the flip all are."""
