@@ -15,7 +15,7 @@ from lmmap.types import Camera, Ellipse, Port, Pose
 from ..bench import labels
 from .drawings import COLOUR, show_image
 from .sliders import Step
-from .tables import CAMERAS
+from .tables import CAMERAS, with_ends
 
 INPUTS = {"counts": "counts", "few": "counts, half as many covers", "polarity": "counts of each polarity",
           "surface": "counts and a time surface", "slim": "slim: counts", "robust": "robust: counts",
@@ -26,7 +26,8 @@ FITS = {"iou": "overlap", "skeleton_px": "skeleton error (px)"}
 def inputs_table(inputs: pd.DataFrame) -> pd.DataFrame:
     """Texts: how often each network finds the ring, and what it gains, with a 95 % interval."""
     rows = inputs.set_index("network").loc[list(INPUTS)].rename(index=INPUTS)
-    gains = [f"{own.gain:+.1f} ({own.gain_low:.1f} to {own.gain_high:.1f})" for own in rows.itertuples()]
+    ends = rows[["gain", "gain_low", "gain_high"]].to_numpy()
+    gains = [("+" if gain > 0 else "") + with_ends(gain, low, high, ".1f") for gain, low, high in ends]
     gains[0], gains[-1] = "", f"{gains[-1]} over robust"
     texts = {"circle right (%)": rows.right_percent.map("{:.1f}".format), "gain over counts": gains}
     return pd.DataFrame(texts, index=rows.index).rename_axis("network and input")
